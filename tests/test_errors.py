@@ -1,4 +1,4 @@
-"""Messages stay short, and errors cross the border of a process."""
+"""Messages stay short, and errors can be pickled."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_impossible_targets_are_reported_early(tmp_path: Path) -> None:
 
 
 def test_devices_and_pipes_are_not_replaced(tmp_path: Path) -> None:
-    """Who may write in their folder would lose `/dev/stdout`."""
+    """Otherwise a user who can write to their folder would lose `/dev/stdout`."""
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to(os.devnull)
     for name in ("pipe", "link"):

@@ -95,7 +95,7 @@ def test_by_most_runs_as_often_as_the_neediest_member_needs(shape: tuple[int, ..
 
 
 def test_by_own_runs_as_often_as_each_member_needs() -> None:
-    """Also of a batch of batches, of which the inner one shares an argument; and of none."""
+    """Also for nested batches that share an argument, and for an empty batch."""
     offset = jnp.float32(0.5)
     run = by_own([lambda x, y, i=i: x * y + offset + 10 * i for i in range(3)])
     needed = jnp.asarray(np.random.default_rng(3).integers(0, 3, (4, 5)), jnp.int32)

@@ -28,7 +28,7 @@ MODES = ("same-step", "next-step", None)
 
 @pytest.fixture(scope="module")
 def made() -> tuple[Any, Any]:
-    """Chance moves obstacles in every step, and places everything at every reset."""
+    """Obstacles move at random in every step, and a reset places everything at random."""
     settings: dict[str, Any] = {"observation": "dict", "height": 8, "width": 8}
     env, params = jaxenstein.make("minigrid-dynamic-obstacles-6x6", **settings)
     return env, params.replace(max_steps_in_episode=9)

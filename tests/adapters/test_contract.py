@@ -161,7 +161,7 @@ CHANGES = (copy.deepcopy, lambda adapter: pickle.loads(pickle.dumps(adapter)))
 
 @pytest.mark.parametrize("player", STREAMS)
 def test_copies_continue_like_the_original(player: Any) -> None:
-    """In the middle of an episode, and into episodes that the stream decides."""
+    """From the middle of an episode, and into episodes drawn from the stream."""
     ours = player(*make_chance(), N)
     ours.reset(5)
     ours.step(IDLE)
@@ -189,7 +189,7 @@ def test_copies_of_functions_keep_the_environment(player: Any) -> None:
 
 
 def plain(array: Any) -> np.ndarray:
-    """The same memory for NumPy, where it may."""
+    """A NumPy view of the same memory, if possible."""
     return array.numpy() if hasattr(array, "numpy") else np.asarray(array)
 
 

@@ -28,7 +28,7 @@ def made() -> tuple[Any, Any]:
 
 
 def both(made: Any, mode: Any) -> tuple[Any, Any]:
-    """Ours, and Gymnasium's."""
+    """Our vector environment and Gymnasium's."""
     make = functools.partial(single.GymnasiumEnv, *made, render_mode="rgb_array")
     sync = gymnasium.vector.SyncVectorEnv([make] * COUNT, autoreset_mode=mode)
     ours = vector.GymnasiumVectorEnv(*made, COUNT, autoreset_mode=mode, render_mode="rgb_array")

@@ -25,7 +25,7 @@ IDLE = np.zeros(N, np.int32)
 
 
 def make_ranged() -> tuple[Any, Any, Any]:
-    """The environment, its params without ranges, and with them."""
+    """The environment, and its params without and with ranges."""
     env, usual = make_crowd()
     usual = usual.replace(max_steps_in_episode=LIMIT)
     return env, usual, usual.replace(**RANGES)

@@ -196,7 +196,7 @@ def test_ppo_trains(policy):
 
 
 def test_ppo_trains_on_dict_observations():
-    """Of their names it makes attributes of a network, which must not have them already."""
+    """It names attributes of a network after the entries, so the names must be free."""
     venv = SB3VecEnv("key-door", num_envs=2, observation="dict", height=36, width=36)
     model = PPO("MultiInputPolicy", venv, n_steps=8, batch_size=16, n_epochs=1, seed=0)
     names = set(model.policy.features_extractor.extractors)

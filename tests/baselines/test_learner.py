@@ -245,7 +245,7 @@ def test_random_clocks_end_episodes_at_different_times():
 
 
 def test_run_stops_learning_at_target_success():
-    """The agent changes nothing about its successes, so their mean grows slowly and surely."""
+    """The agent does not affect its successes, so their mean grows slowly and surely."""
     run = learner_of(Countdown(), anneal=False, stop_success=0.2)
     state, recent, states, rates = run.init(KEY), 0.0, [], []
     for _ in range(12):

@@ -1,4 +1,4 @@
-"""Training where JAX has 64-bit numbers switched on."""
+"""Training with 64-bit numbers enabled in JAX."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ MAP = "#####\n#S.G#\n#S..#\n#####"
 
 
 def rows(array):
-    """The environments that this process holds of an array: index and values."""
+    """The environments of an array that this process holds: index and values."""
     if jnp.issubdtype(array.dtype, jax.dtypes.prng_key):
         array = jax.random.key_data(array)
     for shard in array.addressable_shards:

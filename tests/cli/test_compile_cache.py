@@ -73,7 +73,7 @@ def add(*arguments: str) -> None:
 
 
 def test_truncated_programs_are_silently_recompiled(home: Path) -> None:
-    """By a kill during writing, or by a full disk, simulated by a limit."""
+    """Truncated by a kill during writing, or by a full disk, which a limit simulates."""
     add("100")
     assert not kept(home)
     add()

@@ -122,7 +122,7 @@ def test_unwritable_targets_are_refused(lab: Path, capsys: pytest.CaptureFixture
 def test_full_disk_leaves_nothing(
     fails: int, lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whichever of the two files cannot be written."""
+    """For either of the two files."""
     write, written = Path.write_text, []
 
     def fill_up(path: Path, text: str, **options: str) -> int:
@@ -140,7 +140,7 @@ def test_full_disk_leaves_nothing(
 
 
 class Converted:
-    """Stands for `jaxenstein.maps.importers.minigrid.MiniGridMap`."""
+    """Stands in for `jaxenstein.maps.importers.minigrid.MiniGridMap`."""
 
     tilemap = TileMap(
         "MiniGrid-Small-v0", tiles=(b"\2\2\2\2", b"\2\0\0\2", b"\2\2\2\2"), spawns=((1, 1),),

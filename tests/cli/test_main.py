@@ -256,7 +256,7 @@ def test_impossible_file_names_get_one_line_and_code_2(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    """`Path.exists` raises for them, and in folders of other users."""
+    """`Path.exists` raises for such names, and in folders of other users."""
     if arguments[0] not in ("record", "replay", "score"):
         pytest.importorskip("flax")
     pytest.importorskip("matplotlib")
@@ -278,7 +278,7 @@ def test_interrupt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 def test_signal_ends_a_command_cleanly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that no part of a file stays behind."""
+    """No partial file is left."""
     ended = []
 
     def work(_: object) -> None:

@@ -63,7 +63,7 @@ def test_contact_sheet_has_a_row_per_environment(made: tuple[Path, str]) -> None
 
 
 def test_counts_match_the_environment() -> None:
-    """The tally against the same environments stepped one by one."""
+    """Compare the counts with the same environments stepped one by one."""
     env, params = jaxenstein.from_ascii(MAP, height=4, width=4)
     params = params.replace(max_steps_in_episode=7, goal_radius=1.2, living_reward=-0.25)
     advance, carry = rollout.compile_rollout(env, params, envs=3, seed=5, watched=2)

@@ -1,4 +1,4 @@
-"""An environment and a batch of its episodes: one compiled program for all questions."""
+"""An environment and a batch of its episodes, in one compiled program for all tests."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Played:
         return keys, first, self.play(keys, first[1], self.actions)
 
     def play(self, keys: Any, states: Any, actions: np.ndarray, params: Any = None) -> Any:
-        """The six values of the steps from some states on, as numpy."""
+        """The six results of the steps from given states, in NumPy."""
         params = self.params if params is None else params
         return jax.device_get(self._scan(keys[1:], states, actions, params))
 

@@ -71,7 +71,7 @@ def test_shapes_and_types(played: Played) -> None:
 
 
 def test_behaviour_matches_golden_episode_of_the_version(played: Played) -> None:
-    """In a batch, the golden episode that was recorded outside of one."""
+    """Play the golden episode, which was recorded outside a batch, in a batch."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
     problem = golden.problem(played.name, EPISODES[played.name], golden.trace_of(*played.member(0)))
@@ -184,7 +184,7 @@ def about_to_put_target(env, state):
 @pytest.mark.parametrize("limit", [False, True], ids=["in time", "at the limit"])
 @pytest.mark.parametrize("ending", [False, True], ids=["going on", "ending"])
 def test_truth_table_of_episode_ends(played: Played, ending: bool, limit: bool) -> None:
-    """Both flags, each by itself, together, and neither, at the first of the steps."""
+    """All four combinations of both flags at the first step."""
     env, states = played.env, played.first[1]
     if ending:
         single = [about_to_end(env, member(states, i, 0)) for i in (0, 1)]

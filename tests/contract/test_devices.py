@@ -58,7 +58,7 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "settings"), CASES)
 def test_replication_checks_pass(name, settings):
-    """They are made when it is traced."""
+    """The checks run when the program is traced."""
     spread, spec, keys = sharded()
     env, params = jaxenstein.make(name, **SIZE, **settings)
     out = jax.eval_shape(spread(functools.partial(play_batch, env, params), out_specs=spec), keys)

@@ -42,7 +42,7 @@ def slow_loop(single, key, state, action, params, skip):
 
 
 def same(one, other) -> None:
-    """Equal but for the last bits of numbers, as two programs may round differently."""
+    """Compare up to the last bits of numbers, since two programs can round differently."""
     assert jax.tree.structure(one) == jax.tree.structure(other)
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         a, b = np.asarray(a), np.asarray(b)
@@ -104,7 +104,7 @@ def test_skipped_step_equals_single_steps(name, autoreset, skip, limit, changes)
 
 
 def test_rewards_add_up_and_events_of_all_steps_show():
-    """Two keys are passed in one step, at the end of which there is none."""
+    """The agent passes two keys in one step, and there is none where the step ends."""
     env, params = jaxenstein.from_ascii(
         "########\n#Srn.G.#\n########", heading=0, frame_skip=4, **SIZE
     )
@@ -142,7 +142,7 @@ def test_steps_after_the_end_are_single_without_reset():
 
 
 def test_skipped_turns_reach_right_angles_if_divisible():
-    """With 15 degrees a turn 1, 2, 3 and 6 of them divide a right angle, and 4 do not."""
+    """With turns of 15 degrees, 1, 2, 3 and 6 turns divide a right angle, and 4 do not."""
     for skip in (1, 2, 3, 4, 6):
         env, params = build("simple", None, skip)
         _, state = env.reset(jax.random.key(0), params)

@@ -48,7 +48,7 @@ def found() -> golden.Trace:
 
 
 def test_episode_outside_a_batch(found: golden.Trace) -> None:
-    """The contract compares all of them, in a batch."""
+    """The contract tests compare all episodes, in batches."""
     assert golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID], found) == ""
 
 
@@ -59,7 +59,7 @@ def changed(found: golden.Trace, **parts: Any) -> str:
 
 
 def with_row(rows: tuple[np.ndarray, ...], row: int, by: float) -> tuple[np.ndarray, ...]:
-    """The rows with the first number of one of them changed."""
+    """The rows, with the first number of one row changed."""
     other = rows[row].copy()
     other[0] += by
     return (*rows[:row], other, *rows[row + 1 :])

@@ -1,4 +1,4 @@
-"""Derivatives: of rewards and states by numbers, and zero where there are none."""
+"""Gradients of rewards and states with respect to numbers; frames have zero gradients."""
 
 import functools
 
@@ -14,7 +14,7 @@ STEPS = 4
 
 @functools.cache
 def build(observation="rgb", **settings):
-    """A corridor whose goal is reached in the third step forward."""
+    """A corridor in which the third step forward reaches the goal."""
     env, params = jaxenstein.from_ascii(
         "######\n#S..G#\n######",
         heading=0.0,

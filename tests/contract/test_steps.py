@@ -101,7 +101,7 @@ def test_step_renders_once():
     "drawn", ["my-way-home", pytest.param("doom-health-gathering", marks=pytest.mark.slow)]
 )
 def test_cond_with_batched_predicate(drawn) -> None:
-    """A user's `lax.cond` around `reset` and `step`, whose arrays it makes a batch of."""
+    """A user's `lax.cond` around `reset` and `step`, which batches their arrays."""
     env, params = jaxenstein.make(drawn, height=6, width=6)
 
     def either(anew, key, state):

@@ -1,4 +1,4 @@
-"""Figures of scripted players that pages repeat are those that were measured."""
+"""Figures of scripted players on pages match the measurements."""
 
 from __future__ import annotations
 

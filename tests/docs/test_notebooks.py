@@ -1,4 +1,4 @@
-"""The notebooks: every cell runs, in order, as it stands but for sizes."""
+"""The notebooks: all cells run in order, unchanged except for sizes."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ ENGINE = Path(__file__).parents[2] / "docs" / "images" / "engine"
 
 
 def test_engine_finds_the_same_walls_as_geometry(tmp_path: Path, monkeypatch) -> None:
-    """The pictures are drawn without the engine's paint, which a slow test has."""
+    """The pictures are drawn with cheap frames; a slow test uses the engine."""
     pytest.importorskip("matplotlib")
     from docs import engine_pictures
 

@@ -1,4 +1,4 @@
-"""`docs/results.json`, and that the table of `docs/results.md` agrees with it."""
+"""`docs/results.json`, and its agreement with the table of `docs/results.md`."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def test_closed_border_needs_no_margin() -> None:
 
 
 def test_outside_looks_like_a_wall() -> None:
-    """Not like the ceiling (0) or the floor (1)."""
+    """The outside must not have the id of the ceiling (0) or the floor (1)."""
     level = compile_level(np.zeros((2, 3), np.uint8), np.zeros((0, 2), np.int32))
     ring = np.asarray(level.walls)[0]
     assert (ring[[0, -1]] >= 2).all()

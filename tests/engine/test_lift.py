@@ -1,4 +1,4 @@
-"""An eye that is not at the camera's height: against the reference."""
+"""An eye that is not at the camera's height, compared with the reference."""
 
 import dataclasses
 import functools

@@ -60,7 +60,7 @@ def test_tiles_entered_by_a_step() -> None:
 
 
 def test_step_is_stopped_by_any_solid_tile_it_enters() -> None:
-    """Around a corner the order counts: one way round is free, the other is not."""
+    """Around a corner the order matters: one way is free, the other is not."""
     starts, ends = segments(2000)
     rng = np.random.default_rng(1)
     stopped = passed = 0
@@ -86,7 +86,7 @@ def test_step_is_stopped_by_any_solid_tile_it_enters() -> None:
 
 
 def fused_length(offsets: np.ndarray, side: int | None) -> np.ndarray:
-    """`length` as a compiler computes it that joins products and sums into one rounding.
+    """`length` as computed by a compiler that fuses products and sums into one rounding.
 
     Args:
         offsets: float32[N, 2].
@@ -145,7 +145,7 @@ def turned(start: Any, angle: Any, count: int) -> np.ndarray:
 
 
 def angle_between(headings: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Radians between headings, the short way round."""
+    """The smaller angle between headings in radians."""
     off = np.abs(headings.astype(np.float64) - others)
     return np.minimum(off, 2 * math.pi - off)
 
@@ -186,7 +186,7 @@ def test_walk_with_turns_never_drifts() -> None:
 
 
 def test_few_turns_equal_plain_sums() -> None:
-    """So that short episodes are the same bits as before headings were kept from drifting."""
+    """A few turns give exactly the sum of their angles."""
     angle, heading = np.float32(math.radians(15)), np.float32(0)
     for found in turned(0.0, jnp.float32(angle), 24):
         heading = np.mod(heading + angle, np.float32(2 * math.pi))

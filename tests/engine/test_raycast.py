@@ -22,7 +22,7 @@ EXCUSED_AT_MOST = 0.02
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One shape of map and image: one compilation (two if a random border happens to be solid)."""
+    """One shape of map and image, so one compilation (two if a random border is solid)."""
 
     rows: int
     columns: int
@@ -50,7 +50,7 @@ class Case:
 
     @property
     def camera(self) -> Camera:
-        """Of a height that does not matter here."""
+        """The camera; its height does not matter here."""
         return Camera(4, self.width, self.field_of_view)
 
 
@@ -86,7 +86,7 @@ def caster(camera: Camera):
 @pytest.mark.parametrize("exact", [False, True], ids=["anywhere", "exact"])
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_random_poses(case: Case, exact: bool) -> None:
-    """Exact ones lie on grid lines, in corners and centres, and look along axes and diagonals."""
+    """Exact poses are on grid lines, in corners and centres, and face along axes and diagonals."""
     tally = Tally()
 
     @search_settings(25)
@@ -193,7 +193,7 @@ def test_eye_one_ulp_before_a_wall_is_outside(bordered: bool) -> None:
 
 
 def test_depth_is_exact_beside_a_wall_far_from_the_origin() -> None:
-    """The eye's place within its tile must not be rounded to a large coordinate's precision."""
+    """The position in a tile must not be rounded to the precision of a large coordinate."""
     walls = np.zeros((3, 128), np.uint8)
     walls[:, 120] = 5
     eye = np.float32(119.99)

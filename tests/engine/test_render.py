@@ -36,7 +36,7 @@ def render_arguments(scene: Scene) -> tuple:
 
 
 def hall(length: int = 9, width: int = 7, heading: float = 0.0) -> World:
-    """A hall along +x, walls 9; the eye stands off the middle, away from tile borders."""
+    """A hall along +x with walls 9; the eye is off the middle and away from tile borders."""
     walls = np.full((width, length), 9, np.uint8)
     walls[1:-1, 1:-1] = 0
     eye = np.array([[2.3, 3.4]], np.float32)
@@ -225,7 +225,7 @@ def test_the_floor_is_a_checker_of_tiles(heading: float) -> None:
 
 
 def test_panels_are_upright_and_not_mirrored() -> None:
-    """Panel columns run from left to right as seen on all four faces, least bits on top."""
+    """Panel columns run from left to right as seen on all four faces, highest bits on top."""
     rng = np.random.default_rng(8)
     panels = np.zeros((2, 2, 32), np.uint32)
     panels[1] = rng.integers(0, 2**32, (2, 32), dtype=np.uint32)

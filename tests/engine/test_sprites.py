@@ -25,7 +25,7 @@ def show(world: World, sprites: Sprites, camera: Camera, kind, layers: int = 4) 
 
 
 def hall(length: int = 12, width: int = 7) -> World:
-    """A hall along +x; the eye stands in its middle, near the west end, and looks east."""
+    """A hall along +x; the eye is in its middle, near the west end, and faces east."""
     walls = np.full((width, length), 9, np.uint8)
     walls[1:-1, 1:-1] = 0
     eye = np.array([[1.5, width / 2]], np.float32)
@@ -71,7 +71,7 @@ def test_sprites_against_the_reference(camera, shape, count: int, layers: int) -
 
 @pytest.mark.parametrize("layers", [1, 2, 3])
 def test_layers_limit_what_a_column_shows(layers: int) -> None:
-    """Four squares behind each other: through holes in the art one sees at most `layers` deep."""
+    """Four squares behind each other: through holes, at most `layers` of them are visible."""
     world, camera = hall(), Camera(48, 48, 60)
     sprites = billboards((6.5, 3.5, 3), (3.5, 3.5, 3), (5.5, 3.5, 3), (4.5, 3.5, 1))
     wanted = scenes.picture_of(world, sprites, THEME, camera, layers)
@@ -134,7 +134,7 @@ def test_invisible_distant_and_close_sprites() -> None:
 
 @pytest.mark.parametrize("look", range(scenes.LOOKS))
 def test_art_is_upright_and_not_mirrored(look: int) -> None:
-    """Texture columns run from left to right as seen, least bits on top; detail over shape."""
+    """Texture columns run from left to right as seen, highest bits on top; detail over shape."""
     world, camera = hall(), Camera(80, 80, 60)
     distance = 0.9
     sprites = billboards((1.5 + distance, 3.5, look))

@@ -76,7 +76,7 @@ NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
 def at(x: float, y: float = 0.0) -> Any:
-    """A session as far as this policy looks at it."""
+    """The parts of a session that this policy uses."""
     return SimpleNamespace(state=SimpleNamespace(position=np.array([x, y])))
 
 

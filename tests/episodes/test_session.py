@@ -1,4 +1,4 @@
-"""One episode at a time: the same seed and actions, the same episode."""
+"""One episode at a time: the same seed and actions give the same episode."""
 
 from __future__ import annotations
 

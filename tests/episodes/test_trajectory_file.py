@@ -1,4 +1,4 @@
-"""Trajectory files that are not as they were, and files that cannot be written."""
+"""Changed trajectory files, and files that cannot be written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Examples run with JAX' settings as users have them."""
+"""Examples run with JAX's default settings."""
 
 from collections.abc import Iterator
 

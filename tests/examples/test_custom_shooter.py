@@ -23,7 +23,7 @@ def outpost():
 
 
 def test_exit_wins_once_the_chief_is_dead(outpost) -> None:
-    """And until then its scripted player goes to him."""
+    """Until then, its scripted player walks to the chief."""
     env, params = outpost
     rows = custom_shooter.MAP.split()
     tiles = {tile: [y, x] for y, row in enumerate(rows) for x, tile in enumerate(row)}
@@ -42,7 +42,7 @@ def test_exit_wins_once_the_chief_is_dead(outpost) -> None:
 
 @pytest.mark.slow
 def test_game_can_be_won_and_lost(outpost) -> None:
-    """Thousands of steps, which without optimisations take half a minute."""
+    """Thousands of steps, which take half a minute without optimisations."""
     env, params = outpost
     first = jax.jit(jax.vmap(lambda key: env.first_state(key, params)))
     states, shares = first(jax.random.split(jax.random.key(0), 24)), {}

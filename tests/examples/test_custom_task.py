@@ -1,4 +1,4 @@
-"""The task of the documentation: its two ends, and that both things are in sight."""
+"""The task of the documentation: its two ends and its visible things."""
 
 from __future__ import annotations
 

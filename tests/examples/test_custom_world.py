@@ -1,4 +1,4 @@
-"""The world of one's own: all its levels can be solved, and the planner does it."""
+"""The custom world: all levels are solvable, and the planner solves them."""
 
 import jax
 import pytest

@@ -17,7 +17,7 @@ from experiments import in_vizdoom
 
 
 class Counter:
-    """A session that ends after two steps and a seventh of its number."""
+    """A session that ends after two steps plus a seventh of its number."""
 
     def __init__(self, env: Any, params: Any, seed: int) -> None:
         self.number, self.begun = seed, 0

@@ -1,4 +1,4 @@
-"""From keys to actions, with a clock of the test's own."""
+"""From keys to actions, with a simulated clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FPS = 10.0
 
 
 def played(controls: Controls, start: float, seconds: float) -> list[tuple[float, int]]:
-    """The actions of a display that looks every millisecond, each with its time."""
+    """The actions of a display that polls every millisecond, each with its time."""
     found = []
     for tick in range(round(1000 * seconds)):
         now = start + tick / 1000
@@ -53,7 +53,7 @@ def test_keys_without_a_meaning_do_nothing() -> None:
 
 
 def test_keys_pressed_together_give_the_combined_action() -> None:
-    """As of Doom's tasks with buttons="all"; where there is none, they take turns."""
+    """As in Doom with buttons="all"; without a combined action, keys take turns."""
     names = ("nothing", "attack", "turn left", "turn left + attack", "turn right")
     assert keys_of(names)["turn left + attack"] == ()
     controls = Controls(names, FPS)

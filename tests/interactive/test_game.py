@@ -1,4 +1,4 @@
-"""Playing by hand with a clock of the test's own, without a window."""
+"""Playing by hand with a simulated clock, without a window."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ def test_every_action_of_every_environment_has_a_key(id: str) -> None:
 
 
 class Script(Display):
-    """A display that plays a list of keys, one whenever the game has nothing left to do."""
+    """A display that plays a list of keys, one whenever the game is idle."""
 
     finer, gap = 1, 0
 

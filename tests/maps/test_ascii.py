@@ -1,4 +1,4 @@
-"""Text to maps and back, and the place that every complaint names."""
+"""Text to maps and back, and the positions in error messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The place in a map error's message, and the phrase that suggests names."""
+"""The position in the message of a map error, and suggested names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faces as text: there and back, and the place that every complaint names."""
+"""Faces as text and back, and the positions in error messages."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def cells_of(tilemap: TileMap) -> list[tuple[int, int]]:
 
 
 def distances(tilemap: TileMap, start: tuple[int, int]) -> dict[tuple[int, int], float]:
-    """Cells walked from a start to every cell it reaches, two tiles a cell."""
+    """Distances in cells, of two tiles each, from a start to every reachable cell."""
     reached, front, steps = {start: 0.0}, [start], 0.0
     while front:
         steps += 0.5

@@ -1,4 +1,4 @@
-"""The small maps to play with."""
+"""The sample maps."""
 
 from __future__ import annotations
 

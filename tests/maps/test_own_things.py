@@ -45,7 +45,7 @@ def as_text(cells: np.ndarray) -> str:
 
 
 def as_image(cells: np.ndarray) -> np.ndarray:
-    """uint8[32, 32, 4]: colours a little off, and any colour where it is transparent."""
+    """uint8[32, 32, 4]: slightly different colours, and random colours in transparent pixels."""
     palette = np.array([[*BLUE, 60], [RED[0] - 20, 35, 30, 255], [25, 60, 200, 200]], np.uint8)
     return palette[cells]
 

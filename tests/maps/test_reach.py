@@ -1,4 +1,4 @@
-"""Reach, against searches that repeat one step over the whole map until nothing changes."""
+"""Reach, compared with searches that repeat one step over the map until nothing changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from jaxenstein.maps.tilemap import Door, Key, TileMap
 
 
 def grown_by_one(reached: np.ndarray, walkable: np.ndarray) -> np.ndarray:
-    """One step from every reached tile at once."""
+    """The tiles after one more step from every reached tile."""
     grown = np.pad(reached, 1)
     beside = grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]
     return (reached | beside) & walkable

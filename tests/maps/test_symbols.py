@@ -197,7 +197,7 @@ def test_decals_differ_from_their_walls_in_any_light() -> None:
 
 
 def test_first_walls_differ_in_more_than_brightness() -> None:
-    """A wall in the distance must not pass for another one nearby."""
+    """A distant wall must not look like a different wall nearby."""
     colours = LABEL_COLOURS[2:12].astype(float)
     hue = colours / np.linalg.norm(colours, axis=1, keepdims=True)
     angles = np.degrees(np.arccos([a @ b for a, b in itertools.combinations(hue, 2)]))

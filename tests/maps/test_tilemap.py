@@ -1,4 +1,4 @@
-"""Tile maps: their arrays, their value and the contradictions that they refuse."""
+"""Tile maps: arrays, equality, and refused contradictions."""
 
 from __future__ import annotations
 

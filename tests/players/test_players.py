@@ -1,4 +1,4 @@
-"""The players of every environment, and those of tasks, by name."""
+"""The players of environments and of tasks, by name."""
 
 import jax
 import jax.numpy as jnp

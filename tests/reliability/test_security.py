@@ -172,7 +172,7 @@ RUN_PATHS = (
 
 @pytest.fixture
 def treasure(tmp_path: Path) -> Iterator[Path]:
-    """A folder and a file that nothing may touch."""
+    """A folder and a file that must not be touched."""
     folder = tmp_path / "treasure"
     folder.mkdir()
     (folder / "0").mkdir()

@@ -84,7 +84,7 @@ def placed_at(states, places):
 
 @pytest.mark.parametrize("name", MARKED_IDS)
 def test_new_round_begins_after_all_rewards(name):
-    """Thing after thing, in all of 64 levels, against a list kept on the host."""
+    """Take one thing after another in 64 levels, compared with a list on the host."""
     step = programs(name)[1]
     states = first_states(name, 64)
     pay = {"goal-locations": 10, "object-locations": 1, "object-rewards": 2}[name]

@@ -106,7 +106,7 @@ class Oracle:
 
 
 def follow(start, states, outcomes, actions):
-    """Check a rollout against the oracle until the death; the medkits taken and whether dead."""
+    """Compare a rollout with the oracle until death; return the medkits taken and whether dead."""
     oracle = Oracle(start)
     taken = 0
     for t, action in enumerate(actions):

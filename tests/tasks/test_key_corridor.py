@@ -74,7 +74,7 @@ def test_layouts_keep_the_rules(name):
 
 
 def exact_door_counts(rows):
-    """Chances of each number of unlocked doors, door after door added until all is connected."""
+    """Probabilities of numbers of unlocked doors, which are added until all is connected."""
     counts = {}
     for locked in range(rows):
         rooms = {(side, row) for side in (0, 1) for row in range(rows)} | {"hall"}

@@ -128,7 +128,7 @@ def test_look_seeds_limit_the_looks() -> None:
 
 @pytest.mark.parametrize("id", ["simple", "key-corridor-s3r1"])
 def test_each_episode_has_its_own_look(id: str) -> None:
-    """Where all of a batch are drawn if one is, and where those alone that need it."""
+    """With resets of the whole batch, and with resets of only the members that need one."""
     env, params = made(id, look="random")
     limit = params.replace(max_steps_in_episode=3)
     step = jax.jit(jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None)))

@@ -122,7 +122,7 @@ def fits(corridor, wall, place, bend, way):
 
 
 def test_straightening_matches_the_slow_rule():
-    """On loops, trees and noise, with doorways that are neither way nor wall."""
+    """On loops, trees and noise, with doorways that are neither corridor nor wall."""
     rng = np.random.default_rng(1)
     grids, stones = [], []
     for number in range(60):

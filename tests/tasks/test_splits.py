@@ -1,4 +1,4 @@
-"""Levels held out by content: both sides of a split against sets of levels on the host."""
+"""Levels held out by content: both splits compared with sets of levels on the host."""
 
 import dataclasses
 import functools
@@ -175,7 +175,7 @@ def test_test_split_grows_with_the_fraction() -> None:
 
 @pytest.mark.parametrize("name", [CORRIDOR, DOORS])
 def test_split_does_not_change_levels_it_accepts(name: str) -> None:
-    """Drawn from the same key; and the same alone as in a batch."""
+    """The same key gives the same level, alone and in a batch."""
     env, split = made(name), made(name, split="test", test_fraction=0.5)
     every, right = first_states(env, 200), first_states(split, 200)
     same = [a == b for a, b in zip(contents_of(env, every), contents_of(env, right), strict=True)]
@@ -194,7 +194,7 @@ def test_split_does_not_change_levels_it_accepts(name: str) -> None:
 
 @pytest.mark.usefixtures("plain_frames")
 def test_every_reset_of_a_batch_stays_in_its_split() -> None:
-    """Inside of steps and of a scan, with old keys; and of one environment alone."""
+    """Inside steps and a scan, with old keys, and for a single environment."""
     name, sides = "key-corridor-s3r1", []
     for split in ("train", "test"):
         env = made(name, split=split, test_fraction=0.3)

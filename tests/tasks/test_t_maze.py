@@ -1,4 +1,4 @@
-"""The T-maze's rules, each from a state made for it."""
+"""The rules of the T-maze, each tested from its own state."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def test_pixels_match_the_labels(id: str, settings: dict[str, bool]) -> None:
 
 
 def test_smoothing_averages_surrounding_texels() -> None:
-    """Of a picture that repeats; over an odd number of texels, or over all."""
+    """For a repeating picture; over an odd number of texels, or over all."""
     picture = np.random.default_rng(1).integers(0, 256, (8, 16, 3), dtype=np.uint8)
     around = [
         np.roll(picture.astype(np.float64), (row, column), (0, 1))
@@ -80,7 +80,7 @@ def test_smoothing_averages_surrounding_texels() -> None:
 
 
 def test_shades_depend_on_depth() -> None:
-    """A plane at the depth of a shade has that shade; those that none has are infinitely far."""
+    """A plane at the depth of a shade has that shade; an unused shade is infinitely far."""
     depths = depth_of_shades(Light())
     reached = np.isfinite(depths)
     np.testing.assert_array_equal(shade_of(brightness(depths[reached])), np.flatnonzero(reached))

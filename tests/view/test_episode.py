@@ -20,7 +20,7 @@ FIELD = parse_ascii("#####\n#S.G#\n#####")
 
 
 def walk(steps: int, side: int = 16) -> Episode:
-    """To and fro, on a map with nothing on it."""
+    """A walk to and fro on an empty map."""
     count = steps + 1
     frames = np.zeros((count, side, side, 3), np.uint8)
     for i, frame in enumerate(frames):

@@ -48,7 +48,7 @@ class VisitsState(PyTreeNode):
 
 
 class Visits:
-    """Of two parts: the steps so far in an environment, and a power of them."""
+    """A bonus of two parts: the number of steps in an environment, and a power of it."""
 
     value_heads = 3
 

@@ -147,7 +147,7 @@ def test_damaged_name_is_not_mistaken_for_another_state(store: Checkpoints) -> N
 
 
 def test_damaged_checkpoints_of_later_updates_are_removed(store: Checkpoints) -> None:
-    """They would take the places of whole ones."""
+    """They would replace complete checkpoints."""
     like = {"a": np.arange(5)}
     for update in (1, 2):
         store.save(update, like)
@@ -161,7 +161,7 @@ def test_damaged_checkpoints_of_later_updates_are_removed(store: Checkpoints) ->
 
 
 def test_oversized_header_allocates_nothing(store: Checkpoints) -> None:
-    """A header of a petabyte, and a zip that swells."""
+    """A header that claims a petabyte, and a zip bomb."""
     store.folder.mkdir()
     header = io.BytesIO()
     huge = {"descr": "<i4", "fortran_order": False, "shape": (10**15,)}

@@ -151,7 +151,7 @@ def test_curves_of_diverged_runs_are_empty(mixed: RunFolder) -> None:
 
 
 def test_plot_counts_diverged_seeds(tmp_path: Path) -> None:
-    """Of three seeds the last one diverges at the fourth update."""
+    """The last of three seeds diverges at the fourth update."""
     pytest.importorskip("matplotlib")
     from jaxenstein.baselines.runs.curves import plot
 

@@ -126,7 +126,7 @@ def test_column_missing_from_later_rows_becomes_nan(folder: Path) -> None:
 
 
 def test_band_matches_all_resamples() -> None:
-    """Against every one of the 27 draws of three runs, whose quantiles are exact."""
+    """Compare with all 27 resamples of three runs, whose quantiles are exact."""
     values = np.array([0.0, 1.0, 5.0])
     draws = np.array(
         [np.mean([values[i], values[j], values[k]]) for i in range(3) for j in range(3)
@@ -157,7 +157,7 @@ def test_interval_of_one_run_is_of_the_mean() -> None:
 
 
 def test_interval_of_several_runs_resamples_runs_not_episodes() -> None:
-    """Two runs, all or nothing: however many episodes, no more than two samples."""
+    """One run always succeeds and one never: many episodes are still only two samples."""
     values = np.repeat([[0.0], [1.0]], 1000, axis=1)
     interval = mean_interval(values)
     assert (interval.mean, interval.low, interval.high) == (0.5, 0.0, 1.0)

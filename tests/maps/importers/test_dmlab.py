@@ -1,4 +1,4 @@
-"""Mazes of DeepMind Lab, against pictures from which the files are written here."""
+"""Mazes of DeepMind Lab, compared with the text pictures from which their files are made."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ class Search:
                 self.carry_off()
 
     def parts(self):
-        """What grows."""
+        """The sets that grow during the search."""
         return self.floor, self.had, self.opened, self.moved
 
     def tiles(self, which):
@@ -125,7 +125,7 @@ class Search:
         return mask_of(self.ground.shape, self.door_column, self.door_row, which & self.real)
 
     def walkable(self):
-        """bool[B, rows, columns], where one could walk."""
+        """bool[B, rows, columns]: the walkable tiles."""
         stops = self.tiles(self.stops & (self.place == LYING))
         return (self.ground | self.doors(self.opened)) & ~stops
 
@@ -147,7 +147,7 @@ class Search:
         self.opened |= fits & near[self.batch, self.door_row, self.door_column]
 
     def carry_off(self):
-        """Carry away taken things that block something not reached yet."""
+        """Move taken things that block something unreached."""
         due = self.had & (self.place == LYING) & self.portable & (self.moved < MOVES)
         for slot in np.flatnonzero(due.any(axis=0)):
             beyond = (self.ground | self.doors(self.real)) & ~self.near()
