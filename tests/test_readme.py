@@ -1,11 +1,11 @@
-"""The README is short and its samples work; the page of choices has all environments."""
+"""The README and the pages are short, its samples work, and the page of choices has all environments."""
 
 import re
 
 import pytest
 
 import jaxenstein
-from tests.docs.samples import ROOT, samples
+from tests.docs.samples import PAGES, ROOT, samples
 
 
 @pytest.fixture(scope="module")
@@ -15,6 +15,11 @@ def readme() -> str:
 
 def test_it_is_short(readme):
     assert len(readme.splitlines()) <= 120
+
+
+def test_the_pages_are_short():
+    pages = [page for page in PAGES if page.parent in (ROOT, ROOT / "docs")]
+    assert sum(page.stat().st_size for page in (*pages, ROOT / "CONTRIBUTING.md")) <= 110_000
 
 
 def test_it_leads_with_a_picture_and_two_commands(readme):
