@@ -1,4 +1,4 @@
-"""The README and the pages are short, its samples work, and the page of choices has all environments."""
+"""The README and the pages are short, samples work, and the page of choices is complete."""
 
 import re
 
