@@ -1,11 +1,11 @@
-"""The README is short and its samples work; the page of choices has all environments."""
+"""The README and the pages are short, samples work, and the page of choices is complete."""
 
 import re
 
 import pytest
 
 import jaxenstein
-from tests.docs.samples import ROOT, samples
+from tests.docs.samples import PAGES, ROOT, samples
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +41,8 @@ def test_table_of_families_is_complete():
     for name in jaxenstein.environment_ids():
         first = re.sub(r"-\d\d(-respawn)?$", "-01", name)
         assert any(first.startswith(row) for row in listed if not row.startswith("-")), name
+
+
+def test_pages_are_short():
+    pages = [page for page in PAGES if page.parent in (ROOT, ROOT / "docs")]
+    assert sum(page.stat().st_size for page in (*pages, ROOT / "CONTRIBUTING.md")) <= 110_000

@@ -82,7 +82,7 @@ DIVERGED, INTERRUPTED = 3, 130
 # Advice for a run that diverged.
 ADVICE = (
     "try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
-    "(docs/training.md, 'Where it diverges')"
+    "(docs/training.md, 'If the agent does not learn')"
 )
 STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
 

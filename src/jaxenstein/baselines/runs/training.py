@@ -30,7 +30,7 @@ LOST = 0.5
 RISEN = 4.0
 # Called with the updates so far and their last rows.
 Notify = Callable[[int, Sequence[Row]], object]
-ADVICE = "see 'Where it does not learn' in docs/training.md for what to try"
+ADVICE = "see 'If the agent does not learn' in docs/training.md for what to try"
 
 
 def train(
