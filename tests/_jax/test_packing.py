@@ -47,11 +47,24 @@ def test_round_trip_of_all_types() -> None:
         assert_same_bits(jax.tree.map(lambda leaf, i=i: np.array(leaf[i]), read), tree)
 
 
+def test_read_one_returns_the_first_row_of_read() -> None:
+    packing = Packing(lambda: tree_of(0))
+    rows = packing.pack(tree_of(0))[None]
+    one = packing.read_one(rows)
+    assert_same_bits(
+        jax.tree.map(np.asarray, one), jax.tree.map(lambda a: a[0], packing.read(rows))
+    )
+    scalars = [leaf for leaf in jax.tree.leaves(one) if not np.shape(leaf)]
+    assert all(isinstance(leaf, bool | np.generic) for leaf in scalars)
+
+
 def test_read_returns_a_copy() -> None:
     packing = Packing(lambda: tree_of(0))
     rows = packing.pack(tree_of(0))[None]
-    for leaf in jax.tree.leaves(packing.read(rows)):
-        leaf[...] = 0
+    for read in (packing.read, packing.read_one):
+        for leaf in jax.tree.leaves(read(rows)):
+            if np.shape(leaf):
+                leaf[...] = 0
     assert_same_bits(packing.unpack(rows[0]), tree_of(0))
 
 
@@ -63,6 +76,7 @@ def test_round_trip_of_wide_numbers() -> None:
         assert_same_bits(packing.unpack(row), tree)
         assert packing.read(row[None])["pi"].item() == np.pi
         assert packing.read(row[None])["far"].tolist() == [[-(2**40), 7]]
+        assert packing.read_one(row[None])["pi"] == np.pi
 
 
 @pytest.mark.parametrize("kind", ["threefry2x32", "rbg"])
