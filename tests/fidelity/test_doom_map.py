@@ -12,7 +12,7 @@ from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, ends_of, load_map, parse_map
 from jaxenstein.tasks.doom.wad import Wad
 
-# Clockwise, as Doom's walls go around what they enclose.
+# Clockwise, like Doom's walls around a room.
 CORNERS = [(0, 64), (32, 64), (32, 0), (0, 0)]
 
 
@@ -32,7 +32,7 @@ def udmf(
     )
 
 
-def test_a_map_is_read() -> None:
+def test_map_is_read() -> None:
     found = read_map(udmf(extra="thing { type = 1; x = 1; y = -2; }"))
     assert found.walls == (
         Line(0, 64, 32, 64, "T0"),
@@ -70,14 +70,14 @@ def test_a_map_of_oblique_walls_and_broken_numbers_is_written_as_it_was_read() -
         ('thing { s = "open; }', "neither a block nor a field: s ="),
     ],
 )
-def test_maps_that_we_cannot_hold_are_refused(text: str, message: str) -> None:
+def test_unsupported_maps_are_refused(text: str, message: str) -> None:
     with pytest.raises(MapError, match=message):
         read_map(text)
 
 
 @pytest.mark.parametrize("name", ["my-way-home", "defend-the-center", "deadly-corridor"])
-def test_a_text_of_the_package_is_read_as_it_was_written(name: str) -> None:
-    """The maps of the package equal those of the game, if it is installed."""
+def test_packaged_maps_equal_maps_of_the_game(name: str) -> None:
+    """The packaged maps equal the maps of the game, if it is installed."""
     vizdoom = pytest.importorskip("vizdoom")
     path = Path(vizdoom.scenarios_path) / f"{name.replace('-', '_')}.wad"
     assert read_map(Wad(path).lump("TEXTMAP").decode()) == load_map(name)

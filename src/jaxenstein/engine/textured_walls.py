@@ -52,7 +52,7 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
     if places.screen:
         depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
     across = entry(walls.across, material)
-    # Texel columns run from left to right as seen, over all tiles of a wall.
+    # Texel columns run from left to right in the image, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
     tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
@@ -133,12 +133,12 @@ def of_walls(camera: Camera, places: Sampling) -> Camera:
 def _whole_columns(
     heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """float32[W] three times: where other rays of a column meet the plane of its wall.
+    """Where other rays of a column meet the plane of its wall.
 
     Returns:
-        The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
-        go from end to end of a wall; and, for the first of them, what `Hits.along` is for the hit:
-        it may lie beyond the tile.
+        float32[W] each: the depth at the point `Sampling.wall`; the depth that determines the upper
+        and the lower edge of the wall; and the counterpart of `Hits.along` for the first depth,
+        which can be beyond the tile.
     """
     assert hits.side is not None
     finder, half = of_walls(camera, places), camera.width / places.screen / 2
@@ -153,7 +153,7 @@ def _whole_columns(
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """The component of each ray through its wall, and the one along it."""
+    """The component of each ray perpendicular to its wall, and the one along it."""
     x, y = ray
     return jnp.where(hits.horizontal, y, x), jnp.where(hits.horizontal, x, y)
 

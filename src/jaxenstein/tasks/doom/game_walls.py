@@ -59,7 +59,7 @@ def wall_materials(
 
 
 def wall_rows(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
-    """int32: the number of the wall on each face of the tiles, or of each free wall."""
+    """int32: the index of the wall on each face of the tiles, or of each free wall."""
     if is_free(doom_map, tiles):
         return np.arange(len(doom_map.walls), dtype=np.int32)
     of_face = np.zeros(tiles.faces.shape, np.int32)
@@ -69,7 +69,7 @@ def wall_rows(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
 
 
 def _begin(wall: Line, tiles: TileGrid) -> int:
-    """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
+    """Where a wall begins, in map units to the viewer's right from the edge of the map's tiles."""
     x, y = int(wall.x0) - tiles.west, tiles.north - int(wall.y0)
     if wall.x0 == wall.x1:
         return -y if wall.y1 > wall.y0 else y
