@@ -1,14 +1,15 @@
 """Rays against walls at any place and angle: every ray against every wall, and the nearest wins.
 
-In the view of the eye, a place has a depth and is `side` to the right. A ray of slope s (see
-`raycast`) passes right of it if `s * depth > side`, also if it is behind the eye. It meets a wall
-that is seen from its front if it passes right of the wall's left end and left of its right end. Its
-nearness there, one over the depth, is linear in s. So a ray and a wall take three products.
+As the eye sees it, a place is at a depth and so far to the right, at its side. A ray of slope s
+(see `raycast`) passes right of it if `s * depth > side`, also if it is behind the eye. A ray meets
+a wall whose front is seen if it passes right of the left end and left of the right end. Its
+nearness there, one over the depth, is linear in s, so a ray and a wall take three products.
 """
 
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,75 +18,59 @@ from jax import lax
 
 from .._jax.batching import varying
 from .._jax.staging import staged
-from ..pytree import PyTreeNode
+from .camera import Camera
+from .hits import Ends, Hits
 from .level import FreeWalls
+from .textures import entry
 
 # More walls than this are looked at in a loop over blocks of this size, to bound the program.
 BLOCK = 32
-# Walls reach this share of an end's distance beyond that end, so that no ray slips through a corner.
+# Walls reach beyond their ends by this share of the ends' distances: no ray slips through a corner.
 OVERLAP = 1e-6
-# The least nearness, and the least area between the eye and a wall of which it sees the front.
+# The least nearness and the least `Ends.area` of a wall that is seen.
 FAR, EDGEWISE = 1e-6, 1e-9
 
 
-class Met(PyTreeNode):
-    """The wall that each of W rays meets.
-
-    Attributes:
-        number: int32[W], which wall.
-        side: float32[2, W], how far its left and its right end are to the right, in tiles.
-        depth: float32[2, W], their depths.
-    """
-
-    number: jax.Array
-    side: jax.Array
-    depth: jax.Array
-
-    def passes(self, slopes: np.ndarray | float) -> tuple[jax.Array, jax.Array]:
-        """float32[W] twice: how far right of each end rays pass, times their length."""
-        left, right = (slopes * self.depth[i] - self.side[i] for i in (0, 1))
-        return left, right
-
-    def nearness(self, slopes: np.ndarray | float) -> jax.Array:
-        """float32[W]: one over the depth at which rays meet the whole line of the wall."""
-        left, right = self.passes(slopes)
-        return (left - right) / _area(self.side, self.depth)
-
-    def share(self, slopes: np.ndarray | float) -> jax.Array:
-        """float32[W] in [0, 1]: where rays meet the wall, from its left end to its right one."""
-        left, right = self.passes(slopes)
-        return jnp.clip(left / (left - right), 0, 1)
-
-    def length(self) -> jax.Array:
-        """float32[W]: of the wall in tiles."""
-        return jnp.sqrt((self.side[1] - self.side[0]) ** 2 + (self.depth[1] - self.depth[0]) ** 2)
-
-
 def meet(
-    position: jax.Array, direction: tuple[jax.Array, jax.Array], walls: FreeWalls, slopes: np.ndarray
-) -> Met:
-    """Find the wall that each ray meets first.
+    position: jax.Array, direction: tuple[jax.Array, jax.Array], walls: FreeWalls, camera: Camera
+) -> Hits:
+    """Cast the rays of one image.
 
     Args:
-        position: float32[2], (x, y) of the eye in tiles; walls must enclose it.
+        position: float32[2], (x, y) of the eye in tiles.
         direction: float32[] twice, cosine and sine of the heading.
         walls: the walls.
-        slopes: float32[W], of the rays.
+        camera: width and field of view of the image.
     """
+    slopes = camera.column_slopes()
     seen = staged(_seen)(position, *direction, walls)
     number = staged(partial(_nearest, slopes=slopes))(seen)
-    return staged(_looked_up)(number, position, *direction, walls)
+    ends = staged(_looked_up)(number, position, *direction, walls)
+    return Hits(
+        depth=1 / jnp.maximum(ends.nearness(slopes), jnp.float32(FAR)),
+        wall=entry(walls.wall, number),
+        along=ends.share(slopes),
+        horizontal=entry(_horizontal(walls), number),
+        tile=None,
+        face=number,
+        ends=ends,
+    )
 
 
-def _view(place: jax.Array, cos: jax.Array, sin: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Side and depth of [..., 2] relative to the eye."""
-    x, y = place[..., 0], place[..., 1]
-    return y * cos - x * sin, x * cos + y * sin
+def _horizontal(walls: FreeWalls) -> Any:
+    """float32[L]: `Hits.horizontal` of each wall."""
+    xp = np if isinstance(walls.left, np.ndarray) else jnp
+    along_x, along_y = (walls.left[:, i] == walls.right[:, i] for i in (1, 0))
+    return xp.where(along_x, xp.float32(1), xp.where(along_y, xp.float32(0), xp.float32(0.5)))
 
 
-def _area(side: jax.Array, depth: jax.Array) -> jax.Array:
-    """Twice the area between the eye and each wall, positive if the eye sees its front."""
-    return side[1] * depth[0] - side[0] * depth[1]
+def _as_seen(places: list[jax.Array], position: jax.Array, cos: jax.Array, sin: jax.Array) -> Ends:
+    """Left and right ends float32[n, 2] as the eye sees them."""
+    ways = [place - position[None] for place in places]
+    return Ends(
+        side=jnp.stack([way[:, 1] * cos - way[:, 0] * sin for way in ways]),
+        depth=jnp.stack([way[:, 0] * cos + way[:, 1] * sin for way in ways]),
+    )
 
 
 def _seen(position: jax.Array, cos: jax.Array, sin: jax.Array, walls: FreeWalls) -> jax.Array:
@@ -94,18 +79,18 @@ def _seen(position: jax.Array, cos: jax.Array, sin: jax.Array, walls: FreeWalls)
     Nearness at slope 0 and how it grows with the slope; then depth and side of the left end and of
     the right one.
     """
-    ends = [_view(jnp.asarray(end) - position, cos, sin) for end in (walls.left, walls.right)]
-    side, depth = (jnp.stack(part) for part in zip(*ends, strict=True))
-    area = _area(side, depth)
-    front = area > EDGEWISE
-    area = jnp.where(front, area, 1)
+    places = [jnp.asarray(end) for end in (walls.left, walls.right)]
+    ends = _as_seen(places, position, cos, sin)
+    side, depth, area = ends.side, ends.depth, ends.area()
+    # From behind, a wall is not near at all.
+    area = jnp.where(area > EDGEWISE, area, jnp.inf)
     beyond = jnp.float32(OVERLAP) * (jnp.abs(side) + jnp.abs(depth))
     return jnp.stack(
         [
             (side[1] - side[0]) / area,
             (depth[0] - depth[1]) / area,
             depth[0],
-            jnp.where(front, side[0] - beyond[0], jnp.inf),
+            side[0] - beyond[0],
             depth[1],
             side[1] + beyond[1],
         ]
@@ -145,11 +130,10 @@ def _nearest_of(
 
 def _looked_up(
     number: jax.Array, position: jax.Array, cos: jax.Array, sin: jax.Array, walls: FreeWalls
-) -> Met:
-    """Where the walls are that were met."""
-    ends = []
-    for end in (walls.left, walls.right):
-        place = [jnp.asarray(end)[:, i].at[number].get(mode="promise_in_bounds") for i in (0, 1)]
-        ends.append(_view(jnp.stack(place, axis=-1) - position, cos, sin))
-    side, depth = (jnp.stack(part) for part in zip(*ends, strict=True))
-    return Met(number, side, depth)
+) -> Ends:
+    """The ends of the walls that were met."""
+    places = [
+        jnp.stack([entry(end[:, i], number) for i in (0, 1)], axis=-1)
+        for end in (walls.left, walls.right)
+    ]
+    return _as_seen(places, position, cos, sin)

@@ -31,8 +31,9 @@ from .._jax.batching import varying
 from .._jax.staging import staged
 from ..pytree import PyTreeNode, static
 from .camera import Camera
-from .free_walls import FAR, Met, meet
-from .level import WORD, FreeWalls, Level, occupancy
+from .free_walls import meet
+from .hits import Hits
+from .level import WORD, Level, occupancy
 from .lines import Crossed, Fixed, crossed, fixed_lines, shut
 
 # More lines than this are marched in a loop over blocks of this size, to bound the program. Blocks
@@ -48,32 +49,6 @@ PARALLEL = 1e-12
 NUDGE = 2.0**-16
 # On a line met at a small angle, that shift is at most this many times as large.
 SLANT = 64.0
-
-
-class Hits(PyTreeNode):
-    """The walls that the rays hit; W is the number of image columns.
-
-    Attributes:
-        depth: float32[W], perpendicular distance in tiles.
-        wall: uint8[W], the entry of `Level.walls` of the face that was hit.
-        along: float32[W] in [0, 1], the place on the face from its left to its right edge as seen.
-        horizontal: bool[W], whether the face looks north or south. Of free walls float32[W]: 1 for
-            those that do, 0 for those that look west or east, one half for the others.
-        tile: int32[W, 2], (column, row) of the tile that was hit, without the margin.
-        side: int32[W], where the face looks: west, east, north, south; None if nobody asked.
-        face: int32[W], its place in an array [4, R, C] of the faces of a level, or among its free
-            walls; likewise.
-        met: the free walls that were hit, if the level has any; there are then no tiles.
-    """
-
-    depth: jax.Array
-    wall: jax.Array
-    along: jax.Array
-    horizontal: jax.Array
-    tile: jax.Array | None
-    side: jax.Array | None = None
-    face: jax.Array | None = None
-    met: Met | None = None
 
 
 class Aim(PyTreeNode):
@@ -135,24 +110,10 @@ def cast(
         sides: whether to tell `Hits.side` and `Hits.face`.
     """
     if level.free_walls is not None:
-        slopes = camera.column_slopes()
-        met = meet(position, direction(heading), level.free_walls, slopes)
-        return _free_hits(met, level.free_walls, slopes)
+        return meet(position, direction(heading), level.free_walls, camera)
     pose = position, heading, closed, level
     aims = staged(partial(aim, camera=camera, fixed=fixed_lines(level)))(*pose)
     return look_up(aims, staged(march)(aims), level, sides)
-
-
-def _free_hits(met: Met, walls: FreeWalls, slopes: np.ndarray) -> Hits:
-    """What rays hit of free walls."""
-    x, y = (walls.left[:, i] == walls.right[:, i] for i in (0, 1))
-    horizontal = jnp.where(jnp.asarray(y), jnp.float32(1), jnp.where(jnp.asarray(x), 0, 0.5))
-    wall, horizontal = (
-        jnp.asarray(table).at[met.number].get(mode="promise_in_bounds")
-        for table in (walls.wall, horizontal)
-    )
-    depth = 1 / jnp.maximum(met.nearness(slopes), jnp.float32(FAR))
-    return Hits(depth, wall, met.share(slopes), horizontal, None, face=met.number, met=met)
 
 
 def aim(

@@ -1,6 +1,6 @@
-"""Drawing with textures: an index into the atlas for each pixel, then one fetch for each.
+"""Drawing with textures: compute an index into the atlas for each pixel, then fetch one word each.
 
-The fetch is a stage of its own: fused with the arithmetic of the index, it would make all of that
+The fetch is a separate stage. Fused with the arithmetic of the index, it would make all of it
 scalar, which takes three times as long.
 """
 
@@ -16,10 +16,11 @@ from jax import lax
 from .._jax.staging import staged
 from ..pytree import PyTreeNode
 from .camera import Camera
+from .hits import Hits
 from .image_columns import drop_of, half_height
 from .level import Array
 from .pixels import rounded, whole
-from .raycast import Hits, rays
+from .raycast import rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
@@ -29,19 +30,19 @@ from .textures import Textures, entry, shade_of
 
 
 class TexturedColumns(PyTreeNode):
-    """The columns of one image, ready to paint; W of them.
+    """The W columns of one image, ready to paint.
 
     A pixel of a wall `y` rows below the horizon shows texel `round(scale * y + offset)` of its
-    column, modulo the picture's height.
+    column, modulo the height of the picture.
 
     Attributes:
         half: float32[W], half the height of the wall in pixels.
-        drop: float32[W], how far its middle is below the horizon, or None if it is not.
-        base: int32[W], index of the topmost texel of the column of the wall's picture.
-        last: int32[W], height of that picture less one.
-        scale: float32[W], texels a pixel.
-        offset: float32[W], the texel at the horizon, less one half.
-        ray: float32[2, W], the ray's direction (x, y) on floor and ceiling, scaled to depth one.
+        drop: float32[W], how far the middle of the wall is below the horizon, or None if it is not.
+        base: int32[W], the index of the topmost texel of the column of the wall's picture.
+        last: int32[W], the height of that picture minus one.
+        scale: float32[W], texels per pixel.
+        offset: float32[W], the texel at the horizon, minus one half.
+        ray: float32[2, W], the direction (x, y) of the ray on floor and ceiling, scaled to depth 1.
         layers: the billboards, or None if the scene has none.
     """
 
@@ -56,11 +57,11 @@ class TexturedColumns(PyTreeNode):
 
 
 class TexturedRows(PyTreeNode):
-    """What the pixels of floor and ceiling in a row have in common.
+    """The values that all floor and ceiling pixels of a row share.
 
     Attributes:
-        ahead: [2] of float32[height, 1], texels along x and y that a ray of depth one passes.
-        base: int32[height, 1], index of the picture's first texel.
+        ahead: [2] of float32[height, 1], texels along x and y per unit of the ray of a column.
+        base: int32[height, 1], the index of the first texel of the picture.
     """
 
     ahead: tuple[Array, Array]
@@ -68,7 +69,7 @@ class TexturedRows(PyTreeNode):
 
 
 def textures_of(theme: Theme) -> Textures:
-    """The textures of a theme that has some."""
+    """The textures of a theme, which must have some."""
     assert theme.textures is not None
     return theme.textures
 
@@ -98,7 +99,7 @@ def prepare(
     seen = see_walls(heading, hits, textures, camera)
     material = seen.material
     camera = camera.at(places.wall)
-    # No seams, for pictures have some of their own: light as in the middle of a tile.
+    # Pictures have their own seams, so use the light of the middle of a tile.
     light = theme.light.wall(seen.lit_depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
     height = entry(walls.height, material)
     down = entry(walls.down, material)
@@ -196,7 +197,7 @@ def _floor_and_ceiling(
     textures: Textures,
     camera: Camera,
 ) -> jax.Array:
-    """int32[height, width] of floor and ceiling, as if they filled the image."""
+    """int32[height, width]: floor and ceiling, as if they filled the image."""
     flats = textures.flats
     plane = _plane(camera.at(textures.sampling.plane))
     width, height = (np.asarray(side)[plane] for side in (flats.width, flats.height))
@@ -221,7 +222,7 @@ def colours(image: jax.Array, scene: Scene, camera: Camera, kind: ImageKind) -> 
     words = words[:, : samples * camera.width]
     if samples == 2:
         left, right = words[:, 0::2], words[:, 1::2]
-        # Half of what differs, without its lowest bits, which would fall into another channel.
+        # The mean of each channel. The mask keeps the lowest bit of a channel out of the next one.
         words = (left & right) + ((left ^ right) >> 1 & jnp.uint32(0x7F7F7F))
     if kind == "gray":
         return luma(words).astype(jnp.uint8)

@@ -10,9 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from .camera import Camera
-from .free_walls import Met
-from .raycast import Hits, rays
+from .hits import Ends, Hits
+from .raycast import rays
 from .textures import Sampling, Textures, entry
+
+# Screens of whole columns round places along a wall to a fraction of a texel.
+ROUNDING = 2.0**-14
 
 
 class WallsSeen(NamedTuple):
@@ -35,9 +38,9 @@ class WallsSeen(NamedTuple):
 
 def see_walls(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
     """What each column sees of the walls that the rays of `of_walls` hit."""
-    if hits.met is None:
+    if hits.ends is None:
         return _of_tiles(heading, hits, textures, camera)
-    return _of_free_walls(hits, hits.met, textures, camera)
+    return _of_free_walls(hits, hits.ends, textures, camera)
 
 
 def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
@@ -49,7 +52,7 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
     if places.screen:
         depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
     across = entry(walls.across, material)
-    # Texel columns run from left to right as seen, over all tiles of a wall.
+    # Texel columns run from left to right in the image, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
     tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
@@ -63,7 +66,7 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
     return WallsSeen(material, depth, edge_depth, depth, texel)
 
 
-def _of_free_walls(hits: Hits, met: Met, textures: Textures, camera: Camera) -> WallsSeen:
+def _of_free_walls(hits: Hits, ends: Ends, textures: Textures, camera: Camera) -> WallsSeen:
     walls, places = textures.walls, textures.sampling
     material = _material(hits, textures)
     depth, edge_depth, share = hits.depth, hits.depth, hits.along
@@ -71,14 +74,16 @@ def _of_free_walls(hits: Hits, met: Met, textures: Textures, camera: Camera) -> 
         slopes, near = camera.at(places.wall).column_slopes(), 1 / hits.depth
         depth, edge_depth = (
             1 / jnp.clip(nearness, near / 2, near * 2)
-            for nearness in (met.nearness(slopes), _nearness_of_edges(met, camera, places))
+            for nearness in (ends.nearness(slopes), _nearness_of_edges(ends, camera, places))
         )
-        share = met.share(slopes)
+        share = ends.share(slopes)
     if walls.length is None:
-        length = met.length() * entry(walls.across, material).astype(jnp.float32)
+        length = ends.length() * entry(walls.across, material).astype(jnp.float32)
     else:
         length = entry(walls.length, material).astype(jnp.float32)
-    texel = jnp.minimum(jnp.floor(share * length), jnp.ceil(length) - 1).astype(jnp.int32)
+    place = share * length
+    place = place + ROUNDING if places.screen else place
+    texel = jnp.minimum(jnp.floor(place), jnp.ceil(length) - 1).astype(jnp.int32)
     if walls.begin is not None:
         texel = texel + entry(walls.begin, material)
     return WallsSeen(material, depth, edge_depth, edge_depth, _wrapped(texel, textures, material))
@@ -89,7 +94,7 @@ def _wrapped(texel: jax.Array, textures: Textures, material: jax.Array) -> jax.A
     return (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
 
 
-def _nearness_of_edges(met: Met, camera: Camera, places: Sampling) -> jax.Array:
+def _nearness_of_edges(ends: Ends, camera: Camera, places: Sampling) -> jax.Array:
     """float32[W]: one over the depth that tells edges and light of walls on a screen.
 
     It is that of the wall's ends, or of the places where it leaves the view, and goes in equal
@@ -98,18 +103,18 @@ def _nearness_of_edges(met: Met, camera: Camera, places: Sampling) -> jax.Array:
     share, plane = places.screen / camera.width, np.float32(camera.half_plane)
     focal, middle = np.float32(camera.focal * share), np.float32(places.screen / 2)
     column = np.floor((np.arange(camera.width + camera.extra) + 0.5) * share).astype(np.float32)
-    ends = []
+    steps = []
     for i, (border, outermost) in enumerate(((-plane, 0), (plane, places.screen))):
-        side, depth = met.side[i], met.depth[i]
+        side, depth = ends.side[i], ends.depth[i]
         inside = (side >= border * depth) if i == 0 else (side <= border * depth)
         inside = inside & (depth > 0)
         safe = jnp.where(inside, depth, 1)
-        first = jnp.floor(middle + focal * side / safe) + (side >= 0)
-        ends.append((
+        first = jnp.floor(middle + focal * side / safe) + (side >= 0).astype(jnp.float32)
+        steps.append((
             jnp.where(inside, first, outermost),
-            jnp.where(inside, 1 / safe, met.nearness(float(border))),
+            jnp.where(inside, 1 / safe, ends.nearness(float(border))),
         ))  # fmt: skip
-    (first, near), (after, far) = ends
+    (first, near), (after, far) = steps
     return near + (far - near) * (column - first) / jnp.maximum(after - first, 1)
 
 
@@ -128,12 +133,12 @@ def of_walls(camera: Camera, places: Sampling) -> Camera:
 def _whole_columns(
     heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """float32[W] three times: where other rays of a column meet the plane of its wall.
+    """Where other rays of a column meet the plane of its wall.
 
     Returns:
-        The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
-        go from end to end of a wall; and, for the first of them, what `Hits.along` is for the hit:
-        it may lie beyond the tile.
+        float32[W] each: the depth at the point `Sampling.wall`; the depth that determines the upper
+        and the lower edge of the wall; and the counterpart of `Hits.along` for the first depth,
+        which can be beyond the tile.
     """
     assert hits.side is not None
     finder, half = of_walls(camera, places), camera.width / places.screen / 2
@@ -148,7 +153,7 @@ def _whole_columns(
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """The component of each ray through its wall, and the one along it."""
+    """The component of each ray perpendicular to its wall, and the one along it."""
     x, y = ray
     return jnp.where(hits.horizontal, y, x), jnp.where(hits.horizontal, x, y)
 

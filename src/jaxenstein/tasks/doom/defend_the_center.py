@@ -20,7 +20,7 @@ from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, segments
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import direction
-from .maps import Line, TileGrid, fill
+from .maps import Line
 from .monster_kinds import CHAINSAW_MARINE, DEMON
 from .monsters import Horde
 from .parts import Health, Part
@@ -100,11 +100,6 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     def parts(self) -> tuple[Part, ...]:
         """Health, weapon, monsters."""
         return Health(FULL_HEALTH), self.arsenal, self.horde
-
-    @functools.cached_property
-    def tiles(self) -> TileGrid:
-        """The round hall in tiles."""
-        return fill(self.doom_map, self.unit)
 
     @functools.cached_property
     def geometry(self) -> Geometry:

@@ -1,8 +1,8 @@
 """The game's own pictures on walls, floor, ceiling and things: `look="game"`.
 
-Where in a pixel the game looks, and its light, are those of ZDoom's software renderer (r_segs.cpp,
-r_plane.cpp, r_things.cpp): a wall is sampled at the left and lower edge of a pixel, floor and
-ceiling at the right edge and the middle row, with the light of the upper edge.
+Sampling and light follow ZDoom's software renderer (r_segs.cpp, r_plane.cpp, r_things.cpp): a wall
+is sampled at the left and lower edge of a pixel, floor and ceiling at the right edge and the middle
+row, with the light of the upper edge.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from ...engine.shade import luma, pack_rgb
 from ...engine.textures import (
     Flats,
-    Materials,
     Sampling,
     Textures,
     append_bright,
@@ -26,24 +25,25 @@ from ...engine.textures import (
 )
 from ...errors import WadError, quoted
 from .game_things import Look, Views, cutouts_of, kept_once, read_views
+from .game_walls import wall_materials, wall_rows
 from .game_weapon import WeaponLook, read_stamps, stamps_of
-from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_faces
+from .maps import load_map, tiled
 from .wad import Wad
 
-# The narrowest screen of the game, and the one that smaller frames are taken out of.
+# The narrowest screen of the game, and the screen from which smaller frames are sampled.
 LEAST_WIDTH, SCREEN = 160, (240, 320)
-# Rows below the edge of a pixel, so that a place between two texels is in the lower one: the eye of
-# a player who stands is on such a place.
+# Rows from the edge of a pixel to its sample, so that a sample between two texels is in the lower
+# one: the eye of a player who stands is at such a height.
 NUDGE, LEAST_NUDGE = 2.0**-13, 2.0**-16
-# What shines over the frame in the tic in which something is picked up, and 256ths of it.
+# The colour that tints a frame in the tic of a pickup, and its share in 256ths.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
 
 
 def sampling(height: int, width: int) -> Sampling:
-    """Where the game looks in the pixels of a frame.
+    """The points at which the game samples the pixels of a frame.
 
-    Frames that are no screen of the game have pixels of the screen of 320 by 240, from which their
-    rays are half of such a pixel away, as on that screen.
+    A frame that is not a screen size of the game has pixels of its screen of 320 by 240, with the
+    offsets of that screen.
     """
     screen = SCREEN[1]
     if 4 * height == 3 * width and width >= LEAST_WIDTH:
@@ -61,7 +61,7 @@ def sampling(height: int, width: int) -> Sampling:
 
 
 def gilded(image: jax.Array, shines: jax.Array) -> jax.Array:
-    """An image of colours or greys with gold over it if bool[] `shines`, as after picking up."""
+    """An image in colour or grey with a tint of gold if bool[] `shines`, as after a pickup."""
     tone = np.array(GOLD, np.int32)[None, None]
     if image.ndim == 2:
         tone = luma(pack_rgb([np.float32(part) for part in GOLD], np.float32(1))).astype(np.int32)
@@ -90,11 +90,11 @@ def game_pictures(
         unit: map units a tile.
 
     Raises:
-        WadError: the file is no WAD file, is damaged, or lacks a picture.
+        WadError: the file is not a WAD file, is damaged, or lacks a picture.
     """
     wad, doom_map = Wad(path), load_map(map_name)
-    tiles = rasterise(doom_map, unit)
-    papers = {name: _paper(wad, name) for name in tiles.textures}
+    tiles = tiled(doom_map, unit)
+    papers = {name: _paper(wad, name) for name in {wall.texture for wall in doom_map.walls}}
     flats = {name: wad.flat(name) for name in doom_map.flats}
     views = read_views(wad, looks)
     shown = [looks[number] for number in views.look]
@@ -117,26 +117,14 @@ def game_pictures(
     bright += [picture.pixels for picture in stamps]
     whole, last = append_bright(atlas, bright, paint)
     places = dict(zip(map(id, [*lit, *bright]), [*first[count + 2 :], *last], strict=True))
-    begin = np.array([_begin(wall, tiles) for wall in doom_map.walls], np.int32)
-    offset = np.array([wall.offset for wall in doom_map.walls], np.int32)
     first_of = np.array([places[id(pixels)] for pixels in things], np.int32)
     stamped = np.array([places[id(picture.pixels)] for picture in stamps], np.int32)
     cutouts = cutouts_of(shown, views.pictures, first_of, unit)
     textures = Textures(
         atlas=whole,
-        walls=Materials(
-            first[:count],
-            *sides_of(walls),
-            across=np.full(count, unit, np.int32),
-            down=np.full(count, unit, np.float32),
-            offset=offset - begin,
-            begin=begin,
-            length=np.abs(np.diff(ends_of(doom_map.walls), axis=1)).sum(
-                axis=(1, 2), dtype=np.int32
-            ),
-        ),
+        walls=wall_materials(doom_map, tiles, first[:count], sides_of(walls)),
         of_wall=np.zeros(256, np.int32),
-        of_face=_of_face(doom_map, tiles),
+        of_face=wall_rows(doom_map, tiles),
         flats=Flats(
             first[count : count + 2],
             *sides_of(planes),
@@ -182,19 +170,3 @@ def _paper(wad: Wad, name: str) -> np.ndarray:
             "powers of two"
         )
     return texture
-
-
-def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
-    """int32[4, rows, columns]: the number of the wall on each face."""
-    of_face = np.zeros(tiles.faces.shape, np.int32)
-    for number, wall in enumerate(doom_map.walls):
-        of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = number
-    return of_face
-
-
-def _begin(wall: Line, tiles: TileGrid) -> int:
-    """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
-    x, y = wall.x0 - tiles.west, tiles.north - wall.y0
-    if wall.x0 == wall.x1:
-        return -y if wall.y1 > wall.y0 else y
-    return x if wall.x1 > wall.x0 else -x
