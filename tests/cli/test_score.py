@@ -116,6 +116,7 @@ def test_baselines_stand_beside_the_own_agent(
     report, shown = json.loads(out.read_text()), capsys.readouterr().out
     assert [*report["policies"]] == ["mine", "PPO (baseline)"]
     assert "mine departs from the protocol: 1 training seeds instead of 5" in shown
+    assert re.search(r"\nmine +\S+ +- +\S+ +- +\S+ +- +\S+ +-\n", shown)
     assert "PPO (baseline) departs" not in shown
     told = report["policies"]["PPO (baseline)"]["tasks"]
     for task, ends in suite.references().items():

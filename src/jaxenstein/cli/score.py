@@ -124,8 +124,11 @@ def run(options: argparse.Namespace) -> None:
         reference = read_reference(options.reference)
     summary = None if reference is None else summarised(compared, reference, options.seed)
     chance = _chance(compared, options.seed)
-    report = _report(compared, summary, chance, options.seed)
-    with written_anyway(options.json, lambda path: write_json(path, report)):
+
+    def write(path: Path) -> None:
+        write_json(path, _report(compared, summary, chance, options.seed))
+
+    with written_anyway(options.json, write):
         _print(compared, summary, chance, options.seed, options.suite is not None)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
@@ -243,19 +246,16 @@ def _notes(compared: Compared, of_suite: bool) -> str:
 
 
 def table_of_aggregates(summary: Summary) -> str:
-    """A table with a row for each policy."""
+    """A table with a row for each policy; single runs have no intervals."""
     heading = (word for name in HEADINGS.values() for word in (name, "95 %"))
     rows: list[tuple[str, ...]] = [("POLICY", *heading)]
     for policy, found in summary.aggregates.items():
-        cells = (
-            cell
-            for name in HEADINGS
-            for cell in (
-                f"{found[name].value:.3f}",
-                f"{found[name].low:.3f} - {found[name].high:.3f}",
-            )
-        )
-        rows.append((policy, *cells))
+        single = all(len(runs) == 1 for runs in summary.scores[policy])
+        row = [policy]
+        for name in HEADINGS:
+            one = found[name]
+            row += [f"{one.value:.3f}", "-" if single else f"{one.low:.3f} - {one.high:.3f}"]
+        rows.append(tuple(row))
     return format_table(rows, right=tuple(range(1, 9)))
 
 
