@@ -148,7 +148,7 @@ def suite_baselines() -> str:
         for mine in shipped.values():
             earned = mean_interval(mine[task.id].returns)
             score = normalised([earned.mean, earned.low, earned.high], ends.random, ends.expert)
-            row += [f"{earned.mean:.4g}", _interval(*score)]
+            row += [f"{round(earned.mean, 4):.4g}", _interval(*score)]
         rows.append(row)
     head = ["task", *(f"{algo}, {what}" for algo in shipped for what in ("return", "score"))]
     means = table(["tasks", *shipped], _means(shipped), range(1, len(head)))
