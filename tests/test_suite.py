@@ -87,6 +87,7 @@ def test_results_with_other_settings_are_refused(tmp_path):
 
 
 def test_the_baselines_follow_the_protocol():
+    assert "PPO (baseline)" in suite.baselines()
     for folder in suite.BASELINES.glob("*"):
         size, _, version = folder.name.partition("-")
         assert int(version) == suite.VERSION

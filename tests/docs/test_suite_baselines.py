@@ -16,7 +16,10 @@ pytest.importorskip("matplotlib")
 from docs import measured, suite_baselines
 from jaxenstein import suite
 from jaxenstein.cli import main
+from jaxenstein.comparison import run_scores
+from jaxenstein.intervals import mean_interval
 from jaxenstein.results import read_results
+from jaxenstein.scores import normalised
 
 PAGE = "<!-- suite tasks -->\n<!-- end -->\n<!-- suite baselines -->\n<!-- end -->\n"
 
@@ -30,6 +33,26 @@ def test_the_curves_belong_to_the_results() -> None:
         for curve in tasks.values():
             assert np.shape(curve["returns"]) == (suite.SEEDS, len(curve["decisions"])), algo
             assert curve["decisions"][-1] == pytest.approx(3_000_000, rel=0.01)
+
+
+def test_the_page_says_what_was_measured() -> None:
+    page = " ".join((suite_baselines.HERE / "suite.md").read_text("utf-8").split())
+    ppo = suite.baselines()["PPO (baseline)"]
+    for task in ("simple", "key-door", "dmlab-static-01"):
+        assert not ppo[task].successes.any()
+    assert not ppo["t-maze"].returns.any()
+    # A guess earns 0.5 in minigrid-memory-s13.
+    guessed, ends = ppo["minigrid-memory-s13"].returns, suite.references()["minigrid-memory-s13"]
+    earned = mean_interval(guessed)
+    assert earned.low < 0.5 < earned.high
+    assert f"as a guess, {normalised(0.5, ends.random, ends.expert):.2f}." in page
+    *others, best = sorted(ppo["key-corridor-s3r3"].successes.mean(axis=1))
+    assert f"reaches the goal in {100 * best:.0f} % of the test episodes" in page
+    assert max(others) == 0.01
+    earned = mean_interval(ppo["doom-health-gathering-supreme"].returns)
+    assert earned.low < suite.references()["doom-health-gathering-supreme"].random < earned.high
+    scores = dict(zip(ppo, map(np.mean, run_scores(ppo, suite.references())), strict=True))
+    assert max(scores, key=scores.__getitem__) == "doom-defend-the-center"
 
 
 @pytest.mark.slow
