@@ -1,6 +1,7 @@
 """Walls at any place and angle, against a slow cast, and against tiles with the same faces."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -57,7 +58,7 @@ def test_random_walls_against_the_reference(count: int, constant: bool) -> None:
     poses = [draw_poses(seed, walls, 96 // len(worlds)) for seed, walls in enumerate(worlds)]
     places, headings = (np.stack(part) for part in zip(*poses, strict=True))
     over_poses = jax.vmap(
-        lambda level, place, heading: cast(place, heading, np.zeros(0, bool), level, CAMERA),
+        lambda level, place, heading: cast(place, heading, jnp.zeros(0, bool), level, CAMERA),
         in_axes=(None, 0, 0),
     )
     if constant:
@@ -142,7 +143,10 @@ def test_walls_around_tiles_look_like_the_tiles() -> None:
         return [
             [
                 render(
-                    Scene(level, world.closed, place, heading, scenes.no_sprites(), look), camera
+                    Scene(
+                        level, jnp.asarray(world.closed), place, heading, scenes.no_sprites(), look
+                    ),
+                    camera,
                 )
                 for look in (theme, textured)
             ]
@@ -166,9 +170,9 @@ def test_walls_at_an_angle_are_lit_as_between_the_others() -> None:
     headings = (np.arange(8) * (np.pi / 4)).astype(np.float32)
 
     def look(heading):
-        place = np.zeros(2, np.float32)
+        place = jnp.zeros(2, jnp.float32)
         return render(
-            Scene(level_of(walls), np.zeros(0, bool), place, heading, scenes.no_sprites(), theme),
+            Scene(level_of(walls), jnp.zeros(0, bool), place, heading, scenes.no_sprites(), theme),
             camera,
         )
 

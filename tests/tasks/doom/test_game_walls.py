@@ -67,8 +67,15 @@ def game_map() -> GameMap:
         start, end = (to_fixed(wall.x0), to_fixed(wall.y0)), (to_fixed(wall.x1), to_fixed(wall.y1))
         line = Line(start, end, wall.texture, (wall.offset * ONE, 0), from_below=False)
         segs.append(Seg(start, end, line))
-    heights = int(found.floor) * ONE, int(found.ceiling) * ONE
-    return GameMap((), (tuple(segs),), *heights, *found.flats, int(found.light))
+    return GameMap(
+        nodes=(),
+        pieces=(tuple(segs),),
+        floor=to_fixed(found.floor),
+        ceiling=to_fixed(found.ceiling),
+        floor_flat=found.flats[0],
+        ceiling_flat=found.flats[1],
+        light=int(found.light),
+    )
 
 
 def ours(pictures: Wad, height: int, width: int) -> np.ndarray:
