@@ -118,8 +118,9 @@ def held(
     _, sine = direction(angle & np.uint32(2**31 - 1))
     ways = jnp.stack([cosine, sine]).astype(jnp.float32) * np.float32(1 / ONE)
     place = jnp.where(trigger.tics < ready, 0, swing * ways) + np.array([0, REST], np.float32)
-    low = np.array([0, UP], np.float32) + np.array([0, RISE], np.float32) * (look.up - time)
-    place = jnp.where(time < look.up, low.astype(jnp.float32), place)
+    lacks = (look.up - time).astype(jnp.float32)
+    low = np.array([0, UP], np.float32) + np.array([0, RISE], np.float32) * lacks
+    place = jnp.where(time < look.up, low, place)
     shown = Held(
         picture=jnp.stack([jnp.maximum(flash, 0), gun]),
         place=jnp.stack([place, place]),

@@ -17,7 +17,7 @@ Letters = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True)
 class MonsterLook:
-    """The letters of a monster's frames.
+    """The letters of a monster's frames; small ones are in full light.
 
     Attributes:
         sprite: the four letters of its pictures' names.
@@ -26,7 +26,6 @@ class MonsterLook:
         pain: of flinching.
         die: of its death.
         stand: of standing.
-        bright: the letters in full light.
     """
 
     sprite: str
@@ -35,14 +34,13 @@ class MonsterLook:
     pain: Letters
     die: Letters
     stand: str = "AB"
-    bright: str = ""
 
 
 _STEPS = "AABBCCDD"
 _SOLDIER = MonsterLook(
     "POSS",
     walk=_STEPS,
-    attack="EFE",
+    attack="EfE",
     pain=(("G", 3), ("G", 3)),
     die=(("H", 5), ("I", 5), ("J", 5), ("K", 5), ("L", FOREVER)),
 )
@@ -72,20 +70,18 @@ MONSTER_LOOKS = {
     "Cacodemon": MonsterLook(
         "HEAD",
         walk="A",
-        attack="BCD",
+        attack="BCd",
         pain=(("E", 3), ("E", 3), ("F", 6)),
         die=(("G", 8), ("H", 8), ("I", 8), ("J", 8), ("K", 8), ("L", FOREVER)),
         stand="A",
-        bright="D",
     ),
     "Zombieman": _SOLDIER,
-    "ShotgunGuy": replace(_SOLDIER, sprite="SPOS", bright="F"),
+    "ShotgunGuy": replace(_SOLDIER, sprite="SPOS"),
     "ChaingunGuy": replace(
         _SOLDIER,
         sprite="CPOS",
-        attack="EFEF",
+        attack="EfeF",
         die=(*((letter, 5) for letter in "HIJKLM"), ("N", FOREVER)),
-        bright="EF",
     ),
 }
 """The pictures of monsters, by the game's names."""
@@ -111,8 +107,8 @@ def look_of(kind: MonsterKind, frame: MonsterFrame, picture: int) -> Look:
     look = MONSTER_LOOKS.get(kind.game_name)
     if look is None:
         return Look("", picture=picture)
-    bright = frame.letter in look.bright and bool(frame.letter)
-    return Look(look.sprite, frame.letter, bright, picture=picture)
+    letter = frame.letter
+    return Look(look.sprite, letter.upper(), letter.islower(), picture=picture)
 
 
 def _named(frames: Sequence[MonsterFrame], letters: str) -> tuple[MonsterFrame, ...]:
