@@ -22,7 +22,7 @@ from .camera import Camera
 from .image_columns import drop_of, half_height
 from .level import WORD, Array
 from .pixels import rounded, test_bit, whole
-from .raycast import Hits, rays
+from .raycast import Hits, direction, rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
@@ -177,7 +177,10 @@ def _whole_columns(
     depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
     aside = depths[0] * own[1] - hits.depth * found[1]
     mirrored = (hits.side == 1) | (hits.side == 2)
-    return depths[0], depths[1], hits.along + jnp.where(mirrored, -aside, aside)
+    # Sines from a table make rays that are a little too short. Depth is along them, in their scale.
+    scale = jnp.sum(jnp.square(jnp.stack(direction(heading))))
+    own, edge = (depth * scale for depth in depths)
+    return own, edge, hits.along + jnp.where(mirrored, -aside, aside)
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
