@@ -12,6 +12,7 @@ the game's 320x240. The indented line has another frame beside each.
 from __future__ import annotations
 
 import argparse
+import operator
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,7 +47,9 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
     env, params = jaxenstein.make(name, look="game", width=width, height=height)
     first = env.first_state(jax.random.key(0), params)
     looks = [
-        (one.sprite, look.letter, look.height * ONE) for one in env.animations for look in one.looks
+        (one.sprite, look.height * ONE, look.bright, look.letter)
+        for one in env.animations
+        for look in one.looks
     ]
 
     @jax.jit
@@ -66,7 +69,9 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
         for number, seen in enumerate(view.things):
             places[number] = seen.x, seen.y
             sprites.visible[number] = True
-            sprites.picture[number] = looks.index((seen.look.sprite, seen.look.frame, seen.z))
+            wanted = seen.look.sprite, seen.z, seen.look.bright, seen.look.frame
+            same = [tuple(map(operator.eq, look, wanted)) for look in looks]
+            sprites.picture[number] = same.index(max(same))
         lift = np.float32((view.pose.z - EYE * ONE) / (ONE * env.unit))
         sprites = sprites.replace(position=places)
         found.append(np.asarray(draw(state, lift, sprites, jnp.bool_(view.gold > 0))))

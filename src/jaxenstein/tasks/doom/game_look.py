@@ -37,6 +37,8 @@ LEAST_WIDTH, SCREEN = 160, (240, 320)
 # Rows below the edge of a pixel, so that a place between two texels is in the lower one: the eye of
 # a player who stands is on such a place.
 NUDGE = 2.0**-13
+# `view.ROW_FOCAL_SHARE` as the game has it, with its aspect of 6 to 5 in whole 65536ths.
+GAME_FOCAL_SHARE = 78643 / 65536 * 2 / 3
 # What shines over the frame in the tic in which something is picked up, and 256ths of it.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
 
@@ -103,9 +105,7 @@ ANIMATIONS = {
     "GreenArmor": Animation("ARM1", (Frame("A", 6), Frame("B", 7, bright=True)), start=11),
     "Medikit": _MEDKIT,
     "CustomMedikit": _MEDKIT,
-    "Poison": Animation(
-        "BON1", (*falling(*_BOTTLE[1:7]), *_BOTTLE[7:], *_BOTTLE[:7]), once=6
-    ),
+    "Poison": Animation("BON1", (*falling(*_BOTTLE[1:7]), *_BOTTLE[7:], *_BOTTLE[:7]), once=6),
 }
 """The pictures of things, by the game's names."""
 
@@ -191,7 +191,11 @@ def game_textures(
     planes = [flats[ceiling], flats[floor]]
     colours = _colours(wad)
     atlas, first = build_atlas(
-        [*(papers[wall.texture] for wall in doom_map.walls), *planes, *(pixels[name] for name in names)],
+        [
+            *(papers[wall.texture] for wall in doom_map.walls),
+            *planes,
+            *(pixels[name] for name in names),
+        ],
         lambda picture, shade: colours[shade][picture],
     )
     count = len(doom_map.walls)

@@ -34,6 +34,7 @@ from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, direction, to_fixed
 from .game_look import (
     ANIMATIONS,
+    GAME_FOCAL_SHARE,
     Animation,
     game_textures,
     rows_at,
@@ -288,7 +289,7 @@ class DoomScenario(FirstPerson[S, P]):
             float(self.field_of_view),
             eye=EYE / self.unit,
             wall=(self.doom_map.ceiling - self.doom_map.floor) / self.unit,
-            row_focal_share=ROW_FOCAL_SHARE,
+            row_focal_share=GAME_FOCAL_SHARE if self.look == "game" else ROW_FOCAL_SHARE,
         )
 
     @functools.cached_property
