@@ -5,8 +5,8 @@
 Needs the extra `vizdoom`. The game plays random buttons; our frame is drawn from the pose and the
 things of each of its states, with the frame of a thing that fits best. Printed are the shares of
 pixels with three equal bytes, of frames that are wholly equal, and the mean absolute error of a
-byte, at two sizes of the game's screen and at 64x48, which is the middle one of every 5x5 pixels of
-the game's 320x240. The indented line has another frame beside each.
+byte, at two sizes of the game's screen and at 64x64, whose pixels are taken out of the game's
+320x240. The indented line has another frame beside each.
 """
 
 from __future__ import annotations
@@ -34,17 +34,19 @@ from jaxenstein.tasks.doom.wad import Wad, find_iwad
 from jaxenstein.view.recording import mosaic, save_png
 
 SCENARIOS = "my_way_home", "health_gathering", "health_gathering_supreme"
-SMALL, EACH = (64, 48), np.s_[2::5, 2::5]
+SMALL = 64, 64
 PICTURES = 4
 
 Pairs = list[tuple[np.ndarray, np.ndarray]]
 
 
-def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np.ndarray]:
+def ours(
+    scenario: str, views: Sequence[View], size: tuple[int, int], samples: int = 1
+) -> list[np.ndarray]:
     """uint8[height, width, 3]: our frame of each view, of a size (width, height)."""
     name, (width, height) = f"doom-{scenario.replace('_', '-')}", size
     env: Any
-    env, params = jaxenstein.make(name, look="game", width=width, height=height)
+    env, params = jaxenstein.make(name, look="game", width=width, height=height, samples=samples)
     first = env.first_state(jax.random.key(0), params)
     looks = [
         (one.sprite, look.height * ONE, look.bright, look.letter)
@@ -78,6 +80,15 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
     return found
 
 
+def nearest(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """uint8[height, width, 3]: the pixels of a frame at the centres of those of a smaller one."""
+    rows, columns = (
+        ((np.arange(few) + 0.5) * many / few).astype(int)
+        for few, many in zip(size[::-1], frame.shape[:2], strict=True)
+    )
+    return frame[rows[:, None], columns]
+
+
 def compare(scenario: str, frames: int, seed: int) -> Pairs:
     """Play a scenario at all sizes, print the figures; returns pairs of the first size."""
     pictures = Wad(find_iwad())
@@ -87,7 +98,7 @@ def compare(scenario: str, frames: int, seed: int) -> Pairs:
     same = [fitted(order, pictures, one) for one in zip(*played, strict=True)]
     seen = dict(zip(SIZES, zip(*same, strict=True), strict=True))
     theirs = {size: [view.frame for view in found] for size, found in seen.items()}
-    theirs[SMALL] = [frame[EACH] for frame in theirs[SIZES[1]]]
+    theirs[SMALL] = [nearest(frame, SMALL) for frame in theirs[SIZES[1]]]
     pairs: Pairs = []
     for size, expected in theirs.items():
         images = ours(scenario, seen[SIZES[0]], size)

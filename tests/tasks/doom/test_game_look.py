@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from fidelity.doom_looks import EACH, SMALL, ours
+from fidelity.doom_looks import SMALL, nearest, ours
 from fidelity.doom_picture import SIZES, renderers
 from fidelity.doom_views import drawn
+from jaxenstein.engine.camera import Camera
 from jaxenstein.engine.render import render
 from jaxenstein.errors import SettingError, WadError
 from jaxenstein.spec import spec_of
@@ -42,12 +43,25 @@ def test_most_pixels_are_those_of_the_game(pictures: Wad, scenario: str) -> None
     small, large = SIZES
     theirs = {size: [drawn(screens[size], pictures, view) for view in views] for size in SIZES}
     # Smaller frames are taken out of a screen of the game.
-    expected = {small: theirs[small], SMALL: [frame[EACH] for frame in theirs[large]]}
+    expected = {small: theirs[small], SMALL: [nearest(frame, SMALL) for frame in theirs[large]]}
     for size, frames in expected.items():
         images = ours(scenario, views, size)
         equal = [(a == b).all(axis=-1).mean() for a, b in zip(images, frames, strict=True)]
         assert np.mean(equal) > LEAST[scenario], size
         assert (images[0] == frames[1]).all(axis=-1).mean() < 0.5
+
+
+@pytest.mark.parametrize("size", [(48, 64), (84, 84), (48, 128)])
+def test_small_frames_are_pixels_of_the_screen(size: tuple[int, int]) -> None:
+    small, large = Camera(*size, 90, screen=(240, 320)), Camera(240, 320, 90)
+    rows, columns = (
+        ((np.arange(few) + 0.5) * many / few).astype(int)
+        for few, many in zip(size, (240, 320), strict=True)
+    )
+    slopes = large.column_slopes()[columns]
+    np.testing.assert_allclose(small.column_slopes(), slopes, atol=1e-6)
+    offsets = large.row_offsets()[rows] * size[0] / 240
+    np.testing.assert_allclose(small.row_offsets(), offsets, atol=1e-4)
 
 
 def test_the_vest_blinks_as_in_the_game() -> None:
@@ -105,6 +119,7 @@ def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
         ("doom-basic", {"look": "game"}, SettingError, "look='game' is only for doom-my-way-home"),
         ("simple", {"look": "game"}, SettingError, "look='game' is only for doom-my-way-home"),
         ("doom-my-way-home", {"wad": "a.wad"}, SettingError, "wad needs look='game'"),
+        ("doom-my-way-home", {"samples": 2}, SettingError, "samples needs look='game'"),
         (
             "doom-my-way-home",
             {"look": "game", "wad": "no/a.wad"},
@@ -114,7 +129,7 @@ def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
     ],
 )
 def test_wrong_settings_are_refused(
-    name: str, settings: dict[str, str], error: type[Exception], message: str
+    name: str, settings: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
         jaxenstein.make(name, **settings)

@@ -132,23 +132,29 @@ def with_looks(theme: Theme, animations: Sequence[Animation]) -> Theme:
     return theme.replace(**{name: getattr(theme, name)[rows] for name in names})
 
 
-def sampling(height: int, width: int) -> Sampling:
-    """Where the game looks in the pixels of a frame.
+def screen_of(height: int, width: int, samples: int = 1) -> tuple[int, int]:
+    """Rows and columns of the game's screen out of which a frame is taken."""
+    same = 4 * height == 3 * width and width >= LEAST_WIDTH and samples == 1
+    return (height, width) if same else SCREEN
 
-    Frames that are no screen of the game have pixels of the screen of 320 by 240, from which their
-    rays are half of such a pixel away, as on that screen.
+
+def sampling(height: int, width: int, samples: int = 1) -> Sampling:
+    """Where the game looks in the pixels of a frame: half a pixel of its screen from their centre.
+
+    Args:
+        height: rows.
+        width: columns.
+        samples: pixels of the screen for each of them, side by side.
     """
-    screen = SCREEN[1]
-    if 4 * height == 3 * width and width >= LEAST_WIDTH:
-        across, down, screen = 0.5, 0.5, width
-    else:
-        down, across = (min(0.5, 0.5 * n / m) for n, m in zip((height, width), SCREEN, strict=True))
+    rows, screen = screen_of(height, width, samples)
+    down, across = 0.5 * height / rows, 0.5 * samples * width / screen
     low = 0.5 + down
     return Sampling(
         wall=(0.5 - across, low + NUDGE),
         plane=(0.5 + across, 0.5),
         thing=(0.5, low),
         light_row=0.5 - down,
+        samples=samples,
         screen=screen,
     )
 

@@ -21,7 +21,7 @@ from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info, Params, State
 from ...errors import SettingError, quoted
-from ...fields import choice, of_form
+from ...fields import choice, number, of_form
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
@@ -39,6 +39,7 @@ from .game_look import (
     game_textures,
     rows_at,
     sampling,
+    screen_of,
     with_looks,
 )
 from .maps import START, DoomMap, TileGrid, load_map, rasterise
@@ -128,13 +129,15 @@ class DoomScenario(FirstPerson[S, P]):
         look: `"plain"`, in one colour for each texture; `"game"`, with the pictures of a WAD file
             of the game, placed and lit as the game does it. The eye then bobs while the player
             walks, as in the game. Frames of the shape 4 to 3 and at least 160 columns are what the
-            game shows on a screen of that size. Smaller ones are pixels of its screen of 320 by
-            240: 64x48 has the middle one of every 5x5.
+            game shows on a screen of that size. Others are pixels of its screen of 320 by 240:
+            64x48 has the middle one of every 5x5.
+        samples: with `look="game"`, 2 for the mean of two pixels of the game's screen, side by side.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for that of Freedoom, which
             comes with the extra `vizdoom`.
     """
 
     wad: str | None = of_form(None, "text")
+    samples: int = number(1, 1, 2)
     buttons: ButtonsAtOnce = choice("single", ButtonsAtOnce)
     field_of_view: float = 90.0
     hud: bool = False
@@ -164,6 +167,11 @@ class DoomScenario(FirstPerson[S, P]):
         if self.wad is not None and self.look != "game":
             raise SettingError(
                 f"wad needs look='game': set that too, not wad={quoted(self.wad)} with "
+                f"look={quoted(self.look)}"
+            )
+        if self.samples != 1 and self.look != "game":
+            raise SettingError(
+                f"samples needs look='game': set that too, not samples={self.samples} with "
                 f"look={quoted(self.look)}"
             )
         if self.look == "game":
@@ -283,13 +291,15 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def camera(self) -> Camera:
         """The camera of the game's player."""
+        size = self.view_height, int(self.width)
+        shown = self.look == "game"
         return Camera(
-            self.view_height,
-            int(self.width),
+            *size,
             float(self.field_of_view),
             eye=EYE / self.unit,
             wall=(self.doom_map.ceiling - self.doom_map.floor) / self.unit,
-            row_focal_share=GAME_FOCAL_SHARE if self.look == "game" else ROW_FOCAL_SHARE,
+            row_focal_share=GAME_FOCAL_SHARE if shown else ROW_FOCAL_SHARE,
+            screen=screen_of(*size, int(self.samples)) if shown else None,
         )
 
     @functools.cached_property
@@ -315,7 +325,8 @@ class DoomScenario(FirstPerson[S, P]):
         textures = game_textures(
             str(find_iwad(self.wad)), self.room.map_name, self.animations, self.unit
         )
-        textures = textures.replace(sampling=sampling(self.view_height, int(self.width)))
+        places = sampling(self.view_height, int(self.width), int(self.samples))
+        textures = textures.replace(sampling=places)
         return with_looks(self.theme, self.animations).replace(textures=textures)
 
     def dressed(self, scene: Scene, state: S) -> Scene:
