@@ -131,7 +131,7 @@ class DoomScenario(FirstPerson[S, P]):
             walks, as in the game. Frames of the shape 4 to 3 and at least 160 columns are what the
             game shows on a screen of that size. Others are pixels of its screen of 320 by 240:
             64x48 has the middle one of every 5x5.
-        samples: with `look="game"`, 2 for the mean of two pixels of the game's screen, side by side.
+        samples: with `look="game"`, 2 for the mean of two adjacent pixels of the screen.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for that of Freedoom, which
             comes with the extra `vizdoom`.
     """
