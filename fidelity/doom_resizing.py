@@ -8,6 +8,8 @@ sample and with two, the share of pixels with three equal bytes and the mean abs
 byte are printed.
 """
 
+# pyright: reportMissingImports=false
+
 from __future__ import annotations
 
 import argparse

@@ -61,13 +61,17 @@ def numbered(image: np.ndarray, frames: int) -> Image.Image:
 
 
 def encoded(picture: Image.Image) -> bytes:
-    """The picture as WebP, in the best quality that is small enough."""
+    """The picture as WebP, in the best quality that is small enough.
+
+    Raises:
+        ValueError: none is.
+    """
     for quality in range(95, 5, -5):
         data = io.BytesIO()
         picture.save(data, "WEBP", quality=quality, method=6)
         if data.tell() <= MOST_BYTES:
-            break
-    return data.getvalue()
+            return data.getvalue()
+    raise ValueError(f"the sheet does not fit into {MOST_BYTES} bytes; draw fewer frames")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
