@@ -125,14 +125,12 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             state = "has not started" if not self._batch.begun else "is over"
             raise gymnasium.error.ResetNeeded(f"the episode {state}: call reset before step")
         actions = checked_actions(np.asarray(action)[None], 1, self.env.num_actions)
-        stepped = self._batch.step(actions)
-        self._observation = stepped.observation
-        reward, terminated, truncated = (part.item() for part in stepped[1:4])
+        stepped = self._batch.step_one(actions)
+        self._observation, reward, terminated, truncated, info = stepped
         self._over = terminated or truncated
         if self.render_mode == "human":
             self.render()
-        info = _first_info(stepped.info)
-        return _first(self._observation), reward, terminated, truncated, info
+        return _first(self._observation), float(reward), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The frame as uint8[height, width, 3], or shown in a window; see `render_mode`.

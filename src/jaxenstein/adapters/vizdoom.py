@@ -217,7 +217,7 @@ class GameSession(Session):
                 variables = jax.device_get(self.env.variables(self.state))
                 self.observation = {"image": image, **variables}
 
-    def _told_by_game(self, health: int, values: list[int]) -> Game:
+    def _read_game(self, health: int, values: list[int]) -> Game:
         """The variables of the game other than the pose."""
         rows = [
             (
@@ -253,7 +253,7 @@ class GameSession(Session):
             angle=np.uint32(_turns(angle)),
             time=np.int32(len(self.actions) * self.env.frame_skip),
         )
-        game = self._told_by_game(round(health), list(map(round, rest)))
+        game = self._read_game(round(health), list(map(round, rest)))
         self._told = self.env.from_game(state, game)
         return self._told
 

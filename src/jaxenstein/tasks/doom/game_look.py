@@ -1,8 +1,8 @@
 """The game's own pictures on walls, floor, ceiling and things: `look="game"`.
 
-Where in a pixel the game looks, and its light, are those of ZDoom's software renderer (r_segs.cpp,
-r_plane.cpp, r_things.cpp): a wall is sampled at the left and lower edge of a pixel, floor and
-ceiling at the right edge and the middle row, with the light of the upper edge.
+Sampling and light follow ZDoom's software renderer (r_segs.cpp, r_plane.cpp, r_things.cpp): a wall
+is sampled at the left and lower edge of a pixel, floor and ceiling at the right edge and the middle
+row, with the light of the upper edge.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_fa
 from .view import EYE
 from .wad import Picture, Wad
 
-# The narrowest screen of the game, and the one that smaller frames are taken out of.
+# The narrowest screen of the game, and the screen from which smaller frames are sampled.
 LEAST_WIDTH, SCREEN = 160, (240, 320)
-# Rows below the edge of a pixel, so that a place between two texels is in the lower one: the eye of
-# a player who stands is on such a place.
+# Rows from the edge of a pixel to its sample, so that a sample between two texels is in the lower
+# one: the eye of a player who stands is at such a height.
 NUDGE = 2.0**-13
-# `view.ROW_FOCAL_SHARE` as the game has it, with its aspect of 6 to 5 in whole 65536ths.
+# `view.ROW_FOCAL_SHARE` of the game itself, whose aspect of 6 to 5 is a whole number of 65536ths.
 GAME_FOCAL_SHARE = 78643 / 65536 * 2 / 3
-# What shines over the frame in the tic in which something is picked up, and 256ths of it.
+# The colour that tints a frame in the tic of a pickup, and its share in 256ths.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture of a thing: its letter, how many tics it is shown, and if in full light.
+    """A picture of a thing: its letter, for how many tics it is shown, and if in full light.
 
-    `height` is that of the thing above the floor, in map units.
+    `height` is the height of the thing above the floor in map units.
     """
 
     letter: str = "A"
@@ -133,18 +133,18 @@ def with_looks(theme: Theme, animations: Sequence[Animation]) -> Theme:
 
 
 def screen_of(height: int, width: int, samples: int = 1) -> tuple[int, int]:
-    """Rows and columns of the game's screen out of which a frame is taken."""
+    """Rows and columns of the screen of the game from which a frame takes its pixels."""
     same = 4 * height == 3 * width and width >= LEAST_WIDTH and samples == 1
     return (height, width) if same else SCREEN
 
 
 def sampling(height: int, width: int, samples: int = 1) -> Sampling:
-    """Where the game looks in the pixels of a frame: half a pixel of its screen from their centre.
+    """The points at which the game samples the pixels of a frame.
 
     Args:
-        height: rows.
-        width: columns.
-        samples: pixels of the screen for each of them, side by side.
+        height: image rows.
+        width: image columns.
+        samples: pixels of the screen, side by side, for each pixel of the frame.
     """
     rows, screen = screen_of(height, width, samples)
     down, across = 0.5 * height / rows, 0.5 * samples * width / screen
@@ -160,7 +160,7 @@ def sampling(height: int, width: int, samples: int = 1) -> Sampling:
 
 
 def gilded(image: jax.Array, shines: jax.Array) -> jax.Array:
-    """An image of colours or greys with gold over it if bool[] `shines`, as after picking up."""
+    """An image in colour or grey with a tint of gold if bool[] `shines`, as after a pickup."""
     tone = np.array(GOLD, np.int32)[None, None]
     if image.ndim == 2:
         tone = luma(pack_rgb([np.float32(part) for part in GOLD], np.float32(1))).astype(np.int32)
@@ -181,7 +181,7 @@ def game_textures(
         unit: map units a tile.
 
     Raises:
-        WadError: the file is no WAD file, is damaged, or lacks a picture.
+        WadError: the file is not a WAD file, is damaged, or lacks a picture.
     """
     wad, doom_map = Wad(path), load_map(map_name)
     tiles = rasterise(doom_map, unit)
@@ -258,7 +258,7 @@ def _paper(wad: Wad, name: str) -> np.ndarray:
 
 
 def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
-    """int32[4, rows, columns]: the number of the wall on each face."""
+    """int32[4, rows, columns]: the index of the wall on each face."""
     of_face = np.zeros(tiles.faces.shape, np.int32)
     for number, wall in enumerate(doom_map.walls):
         of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = number
@@ -266,7 +266,7 @@ def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
 
 
 def _begin(wall: Line, tiles: TileGrid) -> int:
-    """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
+    """Where a wall begins, in map units to the viewer's right from the edge of the map's tiles."""
     x, y = wall.x0 - tiles.west, tiles.north - wall.y0
     if wall.x0 == wall.x1:
         return -y if wall.y1 > wall.y0 else y
