@@ -98,10 +98,10 @@ def pictures(plan: Plan) -> Groups:
         ]
         groups.append(_beside_vizdoom(rows, words))
         for size in GAME_SIZES:
-            raw = f"{RAW}{words} size={size}"
+            raw, batch = f"{RAW}{words} size={size}", _fitting(plan.batch, size, frames=32)
             rows = [
                 _peer("vizdoom", raw, "ViZDoom, raw", id=own, size=size),
-                _own(_fitting(plan.batch, size), OWN, id=own, size=size, look="game"),
+                _own(batch, OWN, id=own, size=size, look="game"),
             ]
             groups.append(_compared(rows, {"x raw": raw}))
     return groups
@@ -240,10 +240,13 @@ def _beside(plan: Plan, rows: Sequence[Subject]) -> Groups:
     ]
 
 
-def _fitting(batch: int, size: str) -> int:
-    """Fewer environments for larger images, so that frames fit into the cache."""
+def _fitting(batch: int, size: str, frames: int = 256) -> int:
+    """Fewer environments for larger images, so that frames fit into the cache.
+
+    Together they have at most the pixels of `frames` frames of 160x120.
+    """
     width, _, height = size.partition("x")
-    while batch > 1 and batch * int(width) * int(height) > 256 * 160 * 120:
+    while batch > 1 and batch * int(width) * int(height) > frames * 160 * 120:
         batch //= 2
     return batch
 
