@@ -26,7 +26,10 @@ from .shade import ImageKind, luma
 from .sprites import Spots
 from .textured_sprites import TexturedLayers, brightened, fetched, mix, paint_over, project, stamped
 from .textured_walls import see_walls
-from .textures import Textures, entry, shade_of
+from .textures import Sampling, Textures, entry, shade_of
+
+# A whole, on screens of whole columns.
+ONE = 65536
 
 
 class TexturedColumns(PyTreeNode):
@@ -133,13 +136,25 @@ def paint_rows(
     textures = textures_of(theme)
     flats, places = textures.flats, textures.sampling
     camera = camera.at(places.plane)
-    distance = camera.row_distances(lift)[:, None]
+    distance = _distances(camera, lift, places)[:, None]
     lit = camera.at((0.5, places.light_row)).row_distances(lift)[:, None]
     plane = _plane(camera)
     scale = np.asarray(flats.scale, np.float32)[plane]
     shade = brightened(shade_of(theme.light.plain(lit)), glare)
     base = shade * np.int32(textures.size) + flats.first[plane]
     return TexturedRows((distance * scale[..., 0], distance * scale[..., 1]), base)
+
+
+def _distances(camera: Camera, lift: jax.Array | None, places: Sampling) -> Array:
+    """float32[height]: the depth in tiles at which each row shows floor or ceiling."""
+    if not places.screen:
+        return camera.row_distances(lift)
+    # Such screens multiply the height of the eye by a slope in 65536ths.
+    below = camera.row_offsets()
+    slopes = np.floor(camera.row_focal / np.maximum(np.abs(below), 0.01) * ONE) / ONE
+    heights = np.where(below > 0, camera.eye, camera.wall - camera.eye).astype(np.float32)
+    heights = heights if lift is None else heights + np.sign(below) * lift
+    return heights * slopes.astype(np.float32)
 
 
 def _plane(camera: Camera) -> np.ndarray:
@@ -218,7 +233,8 @@ def colours(image: jax.Array, scene: Scene, camera: Camera, kind: ImageKind) -> 
     if textures.blends is None:
         words = fetched(image, textures.atlas)
     if scene.held is not None and textures.stamps is not None:
-        words = stamped(words, scene.held, textures, camera)
+        view = camera.halved() if samples == 2 else camera
+        words = stamped(words, scene.held, textures, view)
     words = words[:, : samples * camera.width]
     if samples == 2:
         left, right = words[:, 0::2], words[:, 1::2]

@@ -93,8 +93,9 @@ def _stepped(scale: jax.Array, sampling: Sampling, camera: Camera) -> jax.Array:
     """
     if not sampling.screen:
         return scale
-    share = sampling.screen / camera.width
-    return 65536 * share / jnp.floor(np.float32(65535.83 * share) / jnp.maximum(scale, 1e-6))
+    # These screens are 4 to 3.
+    share = np.float32(65536 * 0.75 * sampling.screen / camera.height)
+    return share / jnp.floor(share / jnp.maximum(scale, np.float32(1e-6)))
 
 
 def _texels(
@@ -196,7 +197,7 @@ def mix(words: jax.Array, layers: TexturedLayers, camera: Camera, textures: Text
     start, end = _rows_mixed(layers, camera)
     band = -(-height // BANDS)
     paint = where_few(partial(_mixed, textures=textures))
-    first_row = np.float32(camera.row_offsets()[0])
+    offsets = camera.row_offsets()
 
     def visit(i: jax.Array, words: jax.Array, constants: Any) -> jax.Array:
         start, end, layers = constants
@@ -204,7 +205,7 @@ def mix(words: jax.Array, layers: TexturedLayers, camera: Camera, textures: Text
         needed, place = (start < row + band) & (row < end), jnp.minimum(row, height - band)
         part = jax.lax.dynamic_slice_in_dim(words, place, band)
         rows = (place + jnp.arange(band))[:, None]
-        below = rows.astype(jnp.float32) + first_row
+        below = jax.lax.dynamic_slice_in_dim(jnp.asarray(offsets), place, band)[:, None]
         # The last band may begin with rows of the one before.
         mixed = jnp.where(needed & (rows >= row), paint(needed, part, below, layers), part)
         return jax.lax.dynamic_update_slice_in_dim(words, mixed, place, 0)
@@ -222,8 +223,9 @@ def _rows_mixed(layers: TexturedLayers, camera: Camera) -> tuple[jax.Array, jax.
     unit = 1 / jnp.maximum(layers.scale, 1e-6)
     top = (-0.5 - layers.offset) * unit - offsets[0]
     bottom = (layers.height.astype(jnp.float32) - layers.offset) * unit - offsets[0]
-    start = jnp.min(jnp.where(there, jnp.clip(top, 0, len(offsets)), len(offsets)))
-    end = jnp.max(jnp.where(there, jnp.clip(bottom + 1, 0, len(offsets)), 0))
+    # Rows are not at even steps on all screens, but less than one row away from them.
+    start = jnp.min(jnp.where(there, jnp.clip(top - 1, 0, len(offsets)), len(offsets)))
+    end = jnp.max(jnp.where(there, jnp.clip(bottom + 2, 0, len(offsets)), 0))
     return start.astype(jnp.int32), end.astype(jnp.int32)
 
 

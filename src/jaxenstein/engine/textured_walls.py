@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -11,7 +12,7 @@ import numpy as np
 
 from .camera import Camera
 from .hits import Ends, Hits
-from .raycast import rays
+from .raycast import NUDGE, direction, rays
 from .textures import Sampling, Textures, entry
 
 # Screens of whole columns round places along a wall to a fraction of a texel.
@@ -48,22 +49,30 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
     assert hits.side is not None
     assert hits.tile is not None
     material = _material(hits, textures)
-    depth, edge_depth, along = hits.depth, hits.depth, hits.along
+    depth, along = hits.depth, hits.along
     if places.screen:
-        depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
+        depth, along = _sampled(heading, hits, camera, places)
+    edge_depth = depth
     across = entry(walls.across, material)
     # Texel columns run from left to right in the image, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
-    tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
+    tile = jnp.where(_mirrored(hits), -1 - tile, tile)
     within = along * across.astype(jnp.float32)
-    within = jnp.floor(within + 2.0**-10) if places.screen else within
-    texel = tile * across + within.astype(jnp.int32)
+    texel = tile * across + (jnp.floor(within) if places.screen else within).astype(jnp.int32)
     if walls.begin is not None and walls.length is not None:
-        begin = entry(walls.begin, material)
-        texel = jnp.clip(texel, begin, begin + entry(walls.length, material) - 1)
+        begin, length = entry(walls.begin, material), entry(walls.length, material)
+        texel = jnp.clip(texel, begin, begin + length - 1)
+        if places.screen:
+            left = (begin - tile * across).astype(jnp.float32) - within
+            ends = [
+                end / across.astype(jnp.float32)
+                for end in (left, left + length.astype(jnp.float32))
+            ]
+            own = camera.at(places.wall)
+            edge_depth = _from_end_to_end(heading, hits, depth, ends, own, places.screen)
     texel = _wrapped(texel, textures, material)
-    return WallsSeen(material, depth, edge_depth, depth, texel)
+    return WallsSeen(material, depth, edge_depth, edge_depth, texel)
 
 
 def _of_free_walls(hits: Hits, ends: Ends, textures: Textures, camera: Camera) -> WallsSeen:
@@ -130,26 +139,74 @@ def of_walls(camera: Camera, places: Sampling) -> Camera:
     return dataclasses.replace(camera, shift=camera.width / places.screen)
 
 
-def _whole_columns(
+def _sampled(
     heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Where other rays of a column meet the plane of its wall.
+) -> tuple[jax.Array, jax.Array]:
+    """Where the ray at `Sampling.wall` meets the plane of the wall of each column.
 
     Returns:
-        float32[W] each: the depth at the point `Sampling.wall`; the depth that determines the upper
-        and the lower edge of the wall; and the counterpart of `Hits.along` for the first depth,
-        which can be beyond the tile.
+        float32[W] each: the depth, and the counterpart of `Hits.along`, which can be beyond the
+        tile.
     """
-    assert hits.side is not None
-    finder, half = of_walls(camera, places), camera.width / places.screen / 2
-    edges = dataclasses.replace(finder, column=finder.column - half)
-    found = _towards(hits, rays(heading, finder))
+    found = _towards(hits, rays(heading, of_walls(camera, places)))
     own = _towards(hits, rays(heading, camera.at(places.wall)))
-    edge = _towards(hits, rays(heading, edges))
-    depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
-    aside = depths[0] * own[1] - hits.depth * found[1]
-    mirrored = (hits.side == 1) | (hits.side == 2)
-    return depths[0], depths[1], hits.along + jnp.where(mirrored, -aside, aside)
+    depth = hits.depth / jnp.clip(own[0] / found[0], 0.5, 2)
+    aside = depth * own[1] - hits.depth * found[1] - NUDGE * jnp.sign(found[1])
+    # Sines from a table make rays that are a little too short. Depth is along them, in their scale.
+    scale = jnp.sum(jnp.square(jnp.stack(direction(heading))))
+    return depth * scale, hits.along + jnp.where(_mirrored(hits), -aside, aside)
+
+
+def _from_end_to_end(
+    heading: jax.Array,
+    hits: Hits,
+    depth: jax.Array,
+    ends: Sequence[jax.Array],
+    camera: Camera,
+    screen: int,
+) -> jax.Array:
+    """float32[W]: the depth that tells upper and lower edge and the light of each column.
+
+    On a screen of whole columns, these go straight from the first column of a wall to its last one,
+    although its ends are within columns.
+
+    Args:
+        heading: as in `prepare`.
+        hits: as in `prepare`.
+        depth: float32[W], of the place where a column samples its wall.
+        ends: float32[W], tiles from that place rightwards to the left end of the wall, and to its
+            right end.
+        camera: with the places of walls.
+        screen: columns of the screen.
+    """
+    plane, half = np.float32(camera.half_plane), np.float32(screen / 2)
+    scale = half / plane
+    slopes = jnp.asarray(camera.column_slopes())
+    cos, sin = direction(heading)
+    (through, along), (through_aside, along_aside) = (
+        _towards(hits, way) for way in ((cos, sin), (-sin, cos))
+    )
+    sign = jnp.where(_mirrored(hits), jnp.float32(-1), jnp.float32(1))
+    exact, whole = [], []
+    for end, border in zip(ends, (-plane, plane), strict=True):
+        aside = depth * slopes + end * sign * along_aside
+        ahead = depth + end * sign * along
+        seen = aside >= -plane * ahead if border < 0 else aside <= plane * ahead
+        slope = jnp.where(seen, aside / jnp.maximum(ahead, jnp.float32(1e-6)), border)
+        column = jnp.floor(slope * scale + half) + (slope >= 0).astype(jnp.float32)
+        exact.append(slope)
+        whole.append(jnp.minimum(column, 2 * half))
+    share = slopes * scale + half - whole[0]
+    share = share / jnp.maximum(whole[1] - whole[0], 1)
+    straight = exact[0] + (exact[1] - exact[0]) * share
+    nearer = (through + straight * through_aside) / (through + slopes * through_aside)
+    return depth / jnp.clip(nearer, 0.5, 2)
+
+
+def _mirrored(hits: Hits) -> jax.Array:
+    """bool[W]: whether x or y falls from left to right on the wall."""
+    assert hits.side is not None
+    return (hits.side == 1) | (hits.side == 2)
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:

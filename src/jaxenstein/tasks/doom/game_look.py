@@ -35,27 +35,35 @@ LEAST_WIDTH, SCREEN = 160, (240, 320)
 # Rows from the edge of a pixel to its sample, so that a sample between two texels is in the lower
 # one: the eye of a player who stands is at such a height.
 NUDGE, LEAST_NUDGE = 2.0**-13, 2.0**-16
+# `view.ROW_FOCAL_SHARE` of the game itself, whose aspect of 6 to 5 is a whole number of 65536ths.
+GAME_FOCAL_SHARE = 78643 / 65536 * 2 / 3
 # The colour that tints a frame in the tic of a pickup, and its share in 256ths.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
 
 
-def sampling(height: int, width: int) -> Sampling:
+def screen_of(height: int, width: int, samples: int = 1) -> tuple[int, int]:
+    """Rows and columns of the screen of the game from which a frame takes its pixels."""
+    same = 4 * height == 3 * width and width >= LEAST_WIDTH and samples == 1
+    return (height, width) if same else SCREEN
+
+
+def sampling(height: int, width: int, samples: int = 1) -> Sampling:
     """The points at which the game samples the pixels of a frame.
 
-    A frame that is not a screen size of the game has pixels of its screen of 320 by 240, with the
-    offsets of that screen.
+    Args:
+        height: image rows.
+        width: image columns.
+        samples: pixels of the screen, side by side, for each pixel of the frame.
     """
-    screen = SCREEN[1]
-    if 4 * height == 3 * width and width >= LEAST_WIDTH:
-        across, down, screen = 0.5, 0.5, width
-    else:
-        down, across = (min(0.5, 0.5 * n / m) for n, m in zip((height, width), SCREEN, strict=True))
+    rows, screen = screen_of(height, width, samples)
+    down, across = 0.5 * height / rows, 0.5 * samples * width / screen
     low = 0.5 + down
     return Sampling(
         wall=(0.5 - across, low + NUDGE),
         plane=(0.5 + across, 0.5),
         thing=(0.5, low + LEAST_NUDGE),
         light_row=0.5 - down,
+        samples=samples,
         screen=screen,
     )
 

@@ -21,7 +21,7 @@ from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info, Params, State
 from ...errors import SettingError, quoted
-from ...fields import choice, of_form
+from ...fields import choice, number, of_form
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
@@ -32,7 +32,7 @@ from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
 from .arsenal import Arsenal
 from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, direction, to_fixed
-from .game_look import GamePictures, game_pictures, sampling
+from .game_look import GAME_FOCAL_SHARE, GamePictures, game_pictures, sampling, screen_of
 from .game_things import Look
 from .game_walls import free_walls
 from .game_weapon import WeaponLook, held
@@ -126,11 +126,13 @@ class DoomScenario(FirstPerson[S, P]):
             the aspect ratio 4:3 and at least 160 columns show what the game shows on a screen of
             that size. Other frames are pixels of its screen of 320 by 240: 64x48 has the middle one
             of every 5x5.
+        samples: with `look="game"`, 2 for the mean of two adjacent pixels of the screen.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for the file of Freedoom, which
             comes with the extra `vizdoom`.
     """
 
     wad: str | None = of_form(None, "text")
+    samples: int = number(1, 1, 2)
     buttons: ButtonsAtOnce = choice("single", ButtonsAtOnce)
     field_of_view: float = 90.0
     hud: bool = False
@@ -160,6 +162,11 @@ class DoomScenario(FirstPerson[S, P]):
         if self.wad is not None and self.look != "game":
             raise SettingError(
                 f"wad needs look='game': set that too, not wad={quoted(self.wad)} with "
+                f"look={quoted(self.look)}"
+            )
+        if self.samples != 1 and self.look != "game":
+            raise SettingError(
+                f"samples needs look='game': set that too, not samples={self.samples} with "
                 f"look={quoted(self.look)}"
             )
         if self.look == "game":
@@ -279,13 +286,15 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def camera(self) -> Camera:
         """The camera of the game's player."""
+        size = self.view_height, int(self.width)
+        shown = self.look == "game"
         return Camera(
-            self.view_height,
-            int(self.width),
+            *size,
             float(self.field_of_view),
             eye=EYE / self.unit,
             wall=(self.doom_map.ceiling - self.doom_map.floor) / self.unit,
-            row_focal_share=ROW_FOCAL_SHARE,
+            row_focal_share=GAME_FOCAL_SHARE if shown else ROW_FOCAL_SHARE,
+            screen=screen_of(*size, int(self.samples)) if shown else None,
         )
 
     @functools.cached_property
@@ -325,7 +334,8 @@ class DoomScenario(FirstPerson[S, P]):
     def game_theme(self) -> Theme:
         """The look of the map in the game, with a row for each picture of each thing."""
         textures, views = self.game_pictures
-        textures = textures.replace(sampling=sampling(self.view_height, int(self.width)))
+        places = sampling(self.view_height, int(self.width), int(self.samples))
+        textures = textures.replace(sampling=places)
         rows = np.array([look.picture for look in self.game_looks])
         return views.themed(self.theme, rows).replace(textures=textures)
 
