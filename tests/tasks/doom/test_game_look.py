@@ -28,7 +28,7 @@ ONE_OF = 8
 LEAST = {
     "my_way_home": 0.9985,
     "health_gathering_supreme": 0.9985,
-    "basic": 0.99,
+    "basic": 0.985,
     "take_cover": 0.995,
     "defend_the_line": 0.99,
     "defend_the_center": 0.995,
