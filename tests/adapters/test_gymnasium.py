@@ -223,7 +223,7 @@ def test_collected_frames(made: Any) -> None:
 def test_a_window_shows_what_happens(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(adapter, "RENDER_FPS", 1000)
+    monkeypatch.setattr(adapter.Interface, "render_fps", 1000)
     with warnings.catch_warnings():
         # pygame itself uses what Python is going to drop.
         warnings.simplefilter("ignore", DeprecationWarning)
