@@ -4,10 +4,11 @@
     python -m fidelity.vizdoom_clients --record FILE
 
 Needs the extras `gymnasium` and `vizdoom`. Each episode starts in a state of the game, which is put
-into ours, and holds the same random buttons in both. It is compared until a reward, an end or a
-game variable differs. Printed are the episodes and steps that agree, and the shares of equal pixels
-of the first observations and of all others. The game draws monsters, things and damage from random
-numbers of its own, so episodes with these differ sooner or later.
+into ours, and holds the same buttons in both: in every second one random buttons, in the others
+those of the scripted player that is best. It stops where a reward, an end or a game variable
+differs. Printed are the episodes and steps that agree, and the shares of equal pixels of the first
+observations and of all others. The game draws monsters, things and damage from random numbers of
+its own, so episodes with these differ sooner or later.
 
 `--record` writes what the wrapper says of its environments, for a test: spaces, the buttons of each
 action, and an episode without buttons that runs out of time.
@@ -28,11 +29,12 @@ import gymnasium
 import jax
 import numpy as np
 
-from fidelity.doom_recording import LONGEST_HOLD
+from fidelity.doom_recording import LONGEST_HOLD, pick
 from jaxenstein.adapters.registration import NAMESPACE, VIZDOOM_SCENARIOS, VIZDOOM_VERSION
 from jaxenstein.adapters.vizdoom_buffers import VARIABLES, load_vizdoom
 from jaxenstein.adapters.vizdoom_state import told_by, with_pose
 from jaxenstein.files import atomic, check_writable
+from jaxenstein.players import player_of
 
 FORMS: dict[str, tuple[str, dict[str, Any]]] = {
     "one": ("", {}),
@@ -128,15 +130,17 @@ class Agreement:
 
     Attributes:
         episodes: the number of episodes.
-        whole: how many of them agree to their end.
-        steps: steps that agree, and steps played.
+        whole: how many of them agree to the end.
+        early: how many of these the task ended, not the time limit.
+        steps: steps that agree.
         first: shares of equal pixels of the first observations.
         later: of the observations that follow, as long as the episode agrees.
     """
 
     episodes: int = 0
     whole: int = 0
-    steps: list[int] = field(default_factory=lambda: [0, 0])
+    early: int = 0
+    steps: int = 0
     first: list[float] = field(default_factory=list)
     later: list[float] = field(default_factory=list)
 
@@ -144,8 +148,9 @@ class Agreement:
         """In words."""
         later = f"{np.mean(self.later):.3%}" if self.later else "none"
         return (
-            f"{self.whole} of {self.episodes} episodes agree to the end, {self.steps[0]} of "
-            f"{self.steps[1]} steps; equal pixels: first {np.mean(self.first):.3%}, later {later}"
+            f"{self.whole} of {self.episodes} episodes agree to the end, {self.early} of them "
+            f"before the time limit; {self.steps / self.episodes:.0f} steps an episode agree; "
+            f"equal pixels: first {np.mean(self.first):.3%}, later {later}"
         )
 
 
@@ -154,68 +159,71 @@ class Pair:
 
     def __init__(self, scenario: str, **settings: Any) -> None:
         settings = {"frame_skip": FRAME_SKIP} | settings
-        ids = (name_of(scenario, "each", ours=ours) for ours in (False, True))
-        theirs, ours = ids
+        theirs, ours = (name_of(scenario, "each", ours=ours) for ours in (False, True))
         self.theirs = gymnasium.make(theirs, objects_info_enabled=True, **settings)
         self.ours = gymnasium.make(ours, **settings)
-        self.plain: Any = self.ours.unwrapped
-        self._first = jax.device_get(
-            self.plain.env.first_state(jax.random.key(0), self.plain.params)
-        )
+        plain: Any = self.ours.unwrapped
+        env, params = plain.env, plain.params
+        self.plain, self._env, self._batch = plain, env, plain._batch
+        self._first = jax.device_get(env.first_state(jax.random.key(0), params))
+        self._choose = jax.jit(player_of(env)(env, params))
 
     def reset(self, seed: int) -> tuple[Any, Any]:
         """Start an episode in the game, and here in its state; returns both observations."""
         seen, _ = self.theirs.reset(seed=seed)
         self.ours.reset(seed=seed)
-        env: Any = self.plain.env
         source: Any = self.theirs.unwrapped
         kinds = load_vizdoom().GameVariable
-        names = (*VARIABLES, *env.game_variables)
+        names = (*VARIABLES, *self._env.game_variables)
         values = {name: source.game.get_game_variable(getattr(kinds, name)) for name in names}
-        state = with_pose(env, told_by(env, self._first, source.state.objects, values, 0))
-        batch = self.plain._batch
-        keys, drawn = batch._streams()
-        drawn = drawn.replace(state=jax.tree.map(lambda leaf: leaf[None], state))
-        batch._kept = jax.vmap(batch._layout[0].pack)((keys, drawn))
-        self.plain._observation = batch.observe(batch.env)
+        told = told_by(self._env, self._first, source.state.objects, values, 0)
+        state = jax.tree.map(lambda leaf: leaf[None], with_pose(self._env, told))
+        keys, drawn = self._batch._streams()
+        pack = self._batch._layout[0].pack
+        self._batch._kept = jax.vmap(pack)((keys, drawn.replace(state=state)))
+        self.plain._observation = self._batch.observe(self._batch.env)
         return seen, self.plain._told()
 
     def play(self, seed: int, agreement: Agreement) -> None:
-        """Play an episode with random buttons until it ends in one of the two."""
+        """Play an episode until it ends, or differs."""
         draw = random.Random(seed)
-        theirs, ours = self.reset(seed)
         agreement.episodes += 1
-        agreement.first.append(equal(theirs, ours))
-        hold, agrees, over, action = 0, True, False, None
+        agreement.first.append(equal(*self.reset(seed)))
+        hold, action, over, agrees = 0, None, False, True
         while not over:
-            if hold == 0:
-                hold, action = draw.randint(1, LONGEST_HOLD // FRAME_SKIP + 1), self.buttons(draw)
+            if seed % 2:
+                action = self.best(seed)
+            elif hold == 0:
+                hold, action = draw.randint(1, LONGEST_HOLD // FRAME_SKIP + 1), self.random(draw)
             hold -= 1
-            theirs, *told = self.theirs.step(action)[:4]
+            (theirs, *told), (ours, *own) = (e.step(action)[:4] for e in (self.theirs, self.ours))
             over = any(told[1:])
-            agreement.steps[1] += 1
-            if not agrees:
-                continue
-            ours, *own = self.ours.step(action)[:4]
             agrees = abs(own[0] - told[0]) < 1e-4 and own[1:] == told[1:]
             agrees &= np.array_equal(*(seen.get("gamevariables", 0) for seen in (theirs, ours)))
-            if agrees:
-                agreement.steps[0] += 1
-                if not over:
-                    agreement.later.append(equal(theirs, ours))
-        agreement.whole += agrees
+            if not agrees:
+                return
+            agreement.steps += 1
+            if not over:
+                agreement.later.append(equal(theirs, ours))
+        agreement.whole += 1
+        agreement.early += not told[2]
 
-    def buttons(self, draw: random.Random) -> Any:
+    def random(self, draw: random.Random) -> Any:
         """At most one button, or any of them."""
+        return self.holding(pick(draw, len(self._env.button_names)))
+
+    def best(self, seed: int) -> Any:
+        """The buttons of the scripted player."""
+        state = jax.tree.map(lambda leaf: leaf[0], self._batch.states)
+        chosen = int(self._choose(jax.random.key(seed), state))
+        return self.holding(int(self._env.action_buttons[chosen]) if chosen >= 0 else 0)
+
+    def holding(self, held: int) -> Any:
+        """The action that holds these buttons, bit i for button i."""
+        count = len(self._env.button_names)
+        chosen = np.array([held >> i & 1 for i in range(count)], np.int8)
         space = self.theirs.action_space
-        held: Any = space["binary"] if isinstance(space, gymnasium.spaces.Dict) else space
-        count = held.shape[0]
-        chosen = np.zeros(count, np.int8)
-        if draw.random() < 0.5:
-            chosen[:] = [draw.random() < 0.4 for _ in range(count)]
-        else:
-            chosen[draw.randrange(count)] = 1
-        if held is space:
+        if not isinstance(space, gymnasium.spaces.Dict):
             return chosen
         return {"binary": chosen, "continuous": np.zeros(space["continuous"].shape, np.float32)}
 

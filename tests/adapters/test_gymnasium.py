@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.adapters.registration import gymnasium_ids
+from jaxenstein.adapters.registration import gymnasium_ids, vizdoom_ids
 
 gymnasium = pytest.importorskip("gymnasium")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker")
@@ -66,7 +66,7 @@ COUNT_IDS = "print(sum(id.startswith('jaxenstein/') for id in gymnasium.registry
     ],
 )
 def test_registered_whichever_is_imported_first(imports: str) -> None:
-    assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids()))
+    assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids() | vizdoom_ids()))
 
 
 def test_ids_name_what_they_build_with_its_version() -> None:
