@@ -155,7 +155,7 @@ class VizdoomInterface(Interface):
 
 def vizdoom_env(scenario: str, *, render_mode: str | None = None, **settings: Any) -> GymnasiumEnv:
     """One environment; see `vizdoom_vector_env`."""
-    env, params, interface = _made(scenario, settings)
+    env, params, interface = made(None, scenario, **settings)
     return GymnasiumEnv(env, params, render_mode=render_mode, interface=interface)
 
 
@@ -174,19 +174,24 @@ def vizdoom_vector_env(scenario: str, num_envs: int = 1, **settings: Any) -> Gym
     """
     names = "autoreset_mode", "copy", "render_mode", "max_episode_steps"
     own = {name: settings.pop(name) for name in names if name in settings}
-    env, params, interface = _made(scenario, settings)
+    env, params, interface = made(None, scenario, **settings)
     return GymnasiumVectorEnv(env, params, num_envs, interface=interface, **own)
 
 
-def _made(scenario: str, settings: dict[str, Any]) -> tuple[Any, Any, VizdoomInterface]:
-    """The environment, its params and its form for the keyword arguments of the wrapper."""
+def made(
+    params: Any,
+    scenario: str,
+    *,
+    max_buttons_pressed: int = 0,
+    use_multi_binary_action_space: bool = True,
+    treat_episode_timeout_as_truncation: bool = True,
+    **settings: Any,
+) -> tuple[Any, Any, VizdoomInterface]:
+    """An environment, its params and its interface; for arguments see `vizdoom_vector_env`."""
     name, variables = VIZDOOM_SCENARIOS[scenario]
-    settings = dict(settings)
-    multi_binary = bool(settings.pop("use_multi_binary_action_space", True))
-    truncates = bool(settings.pop("treat_episode_timeout_as_truncation", True))
     plain: Any = make(name)[0]
     buttons = len(plain.button_names)
-    most = _most(settings.pop("max_buttons_pressed", 0), buttons)
+    most = _most(max_buttons_pressed, buttons)
     chosen = {
         "height": 240,
         "width": 320,
@@ -198,7 +203,7 @@ def _made(scenario: str, settings: dict[str, Any]) -> tuple[Any, Any, VizdoomInt
         "buttons": "single" if most == 1 else "all",
     }
     try:
-        env, params = resolve(name, None, chosen)
+        env, params = resolve(name, params, chosen)
     except MissingViZDoomError as error:
         raise MissingViZDoomError(
             f"{error}, which has the pictures of {scenario}; or read them from a file with "
@@ -210,8 +215,8 @@ def _made(scenario: str, settings: dict[str, Any]) -> tuple[Any, Any, VizdoomInt
         buttons,
         deltas=_DELTAS.get(scenario, 0),
         most=most,
-        multi_binary=multi_binary,
-        truncates=truncates,
+        multi_binary=bool(use_multi_binary_action_space),
+        truncates=bool(treat_episode_timeout_as_truncation),
     )
     return env, params, interface
 
