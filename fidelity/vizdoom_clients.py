@@ -17,6 +17,7 @@ action, and an episode without buttons that runs out of time.
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import random
 import sys
@@ -100,10 +101,8 @@ def facts(scenario: str) -> dict[str, Any]:
     """What the wrapper says of the forms of a scenario."""
     told: dict[str, Any] = {}
     for form, (_, settings) in FORMS.items():
-        played = SHORT if form in PLAYED else {}
-        with gymnasium.make(
-            name_of(scenario, form, ours=False), render_mode="rgb_array", **settings, **played
-        ) as env:
+        settings = {"render_mode": "rgb_array"} | settings | (SHORT if form in PLAYED else {})
+        with gymnasium.make(name_of(scenario, form, ours=False), **settings) as env:
             plain: Any = env.unwrapped
             game = plain.game
             told["buttons"] = [
@@ -189,24 +188,24 @@ class Pair:
         draw = random.Random(seed)
         agreement.episodes += 1
         agreement.first.append(equal(*self.reset(seed)))
-        hold, action, over, agrees = 0, None, False, True
-        while not over:
+        hold, action, ends = 0, None, [False, False]
+        while not any(ends):
             if seed % 2:
                 action = self.best(seed)
             elif hold == 0:
                 hold, action = draw.randint(1, LONGEST_HOLD // FRAME_SKIP + 1), self.random(draw)
             hold -= 1
-            (theirs, *told), (ours, *own) = (e.step(action)[:4] for e in (self.theirs, self.ours))
-            over = any(told[1:])
-            agrees = abs(own[0] - told[0]) < 1e-4 and own[1:] == told[1:]
+            theirs, reward, *ends, _ = self.theirs.step(action)
+            ours, own_reward, *own_ends, _ = self.ours.step(action)
+            agrees = abs(float(own_reward) - float(reward)) < 1e-4 and own_ends == ends
             agrees &= np.array_equal(*(seen.get("gamevariables", 0) for seen in (theirs, ours)))
             if not agrees:
                 return
             agreement.steps += 1
-            if not over:
+            if not any(ends):
                 agreement.later.append(equal(theirs, ours))
         agreement.whole += 1
-        agreement.early += not told[2]
+        agreement.early += not ends[1]
 
     def random(self, draw: random.Random) -> Any:
         """At most one button, or any of them."""
@@ -222,7 +221,7 @@ class Pair:
         """The action that holds these buttons, bit i for button i."""
         count = len(self._env.button_names)
         chosen = np.array([held >> i & 1 for i in range(count)], np.int8)
-        space = self.theirs.action_space
+        space: Any = self.theirs.action_space
         if not isinstance(space, gymnasium.spaces.Dict):
             return chosen
         return {"binary": chosen, "continuous": np.zeros(space["continuous"].shape, np.float32)}
@@ -257,8 +256,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the wrapper")
     options = parser.parse_args(argv)
     load_vizdoom()
-    import vizdoom.gymnasium_wrapper  # noqa: F401
-
+    importlib.import_module("vizdoom.gymnasium_wrapper")
     names = [options.only] if options.only else list(VIZDOOM_SCENARIOS)
     if options.record:
         check_writable(options.record)

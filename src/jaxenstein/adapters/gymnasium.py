@@ -148,7 +148,9 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         if self.render_mode == "rgb_array":
             return frame
         if self._screen is None:
-            self._screen = _Screen(self.env.name, *frame.shape[:2], self._interface.render_fps)
+            height, width, _ = frame.shape
+            pace = self._interface.render_fps
+            self._screen = _Screen(self.env.name, height, width, pace)
         self._screen.show(frame)
         return None
 

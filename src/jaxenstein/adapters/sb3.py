@@ -79,7 +79,8 @@ class SB3VecEnv(VecEnv):
             UnknownEnvironmentError: the id does not exist.
         """
         self._interface: Interface | None = None
-        if isinstance(env, str) and env in (ids := vizdoom_ids()):
+        ids = vizdoom_ids()
+        if isinstance(env, str) and env in ids:
             from .vizdoom_ids import made
 
             env, params, self._interface = made(params, **(ids[env] | settings))

@@ -202,6 +202,7 @@ def made(
         "observation": "dict",
         "buttons": "single" if most == 1 else "all",
     }
+    env: Any
     try:
         env, params = resolve(name, params, chosen)
     except MissingViZDoomError as error:
