@@ -71,10 +71,10 @@ bench: ## run all benchmarks and write docs/benchmarks.md (1 hour; QUICK=1: a fe
 compare: $(VENV)/.bench ## compare the speed with ViZDoom, on one core
 	$(BIN)/python -m benchmarks peers --only vizdoom-gymnasium vizdoom-raw loop scan $(ARGS)
 
-partners: $(VENV)/.dev ## test adapters and examples with their packages, each in its own environment
+partners: $(VENV)/.dev ## test adapters and examples with their packages; ARGS="-k gymnax" runs some
 	$(BIN)/python -m nox -t partners $(ARGS)
 
-lanes: $(VENV)/.dev ## test every Python, the oldest and newest JAX, and the wheel
+lanes: $(VENV)/.dev ## test every Python, the oldest and newest JAX, and the wheel; ARGS="-p 3.12" runs some
 	$(BIN)/python -m nox -t lanes $(ARGS)
 
 fuzz: $(VENV)/.dev ## fuzz maps and files; ARGS="--minutes 60 --target ascii"

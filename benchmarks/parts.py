@@ -54,15 +54,15 @@ def peers(plan: Plan) -> Groups:
     viz, health = "ViZDoom MyWayHome", "ViZDoom HealthGathering"
     gathering = "scenario=health-gathering"
     rows = [
-        _peer("vizdoom", RESIZED, f"{viz}, Gymnasium, 320x240 to 64x64 by area"),
+        _peer("vizdoom", RESIZED, f"{viz}, Gymnasium, 320x240 resized to 64x64 (area)"),
         _peer("vizdoom", f"{RESIZED} resize=linear", f"{viz}, Gymnasium, linear"),
         _peer("vizdoom", f"{RESIZED} resize=none", f"{viz}, Gymnasium, 320x240"),
         _peer("vizdoom", f"{RAW} resize=linear", f"{viz}, raw, 160x120 to 64x64, linear"),
         _peer("vizdoom", RAW, f"{viz}, raw, 160x120, its fastest"),
-        _peer("vizdoom", f"{RESIZED} {gathering}", f"{health}, Gymnasium, 64x64 by area"),
+        _peer("vizdoom", f"{RESIZED} {gathering}", f"{health}, Gymnasium, 64x64 (area)"),
         _peer("vizdoom", f"{RAW} {gathering}", f"{health}, raw, 160x120, its fastest"),
-        _peer("envpool", "envpool-8", "EnvPool MyWayHome, 8 envs, 64x64 by area"),
-        _peer("miniworld", "miniworld", "MiniWorld Hallway, 80x60 to 64x64 by area"),
+        _peer("envpool", "envpool-8", "EnvPool MyWayHome, 8 envs, 64x64 (area)"),
+        _peer("miniworld", "miniworld", "MiniWorld Hallway, 80x60 resized to 64x64 (area)"),
         _peer("miniworld", "miniworld size=64x64 resize=none", "MiniWorld Hallway, 64x64"),
         Subject("loop", f"{OWN} my-way-home, Python loop"),
         *(_own(batch, f"{OWN} my-way-home") for batch in plan.batches if batch <= 1024),
@@ -96,13 +96,13 @@ def cores(plan: Plan) -> Groups:
         ),
         Subject(
             f"spread-{batch * many} devices={many}",
-            f"{OWN}, {batch * many} environments, shard_map, a device each core", pinned=False,
+            f"{OWN}, {batch * many} environments, shard_map, one device per core", pinned=False,
         ),
     ]  # fmt: skip
-    envpools = [(8, "size=64x64", "64x64 by area")]
-    envpools += [(32, f"size={size}", f"{size} by area") for size in plan.sizes]
-    envpools += [(32, "resize=linear", "64x64 not by area")]
-    envpools += [(32, "send=8", "64x64 by area, 8 at a time")]
+    envpools = [(8, "size=64x64", "64x64 (area)")]
+    envpools += [(32, f"size={size}", f"{size} (area)") for size in plan.sizes]
+    envpools += [(32, "resize=linear", "64x64 (linear)")]
+    envpools += [(32, "send=8", "64x64 (area), 8 at a time")]
     for number, words, told in envpools:
         title = f"EnvPool MyWayHome, {number} envs, {told}"
         row = _peer("envpool", f"envpool-{number} {words} cores={many}", title)

@@ -10,7 +10,7 @@ from benchmarks.tables import Row
 from jaxenstein.errors import SettingError
 
 OURS, PEERS = "#1f6fb4", "#9a9a9a"
-STEPS = "steps a second"
+STEPS = "steps per second"
 
 
 def bars(rows: Sequence[Row], label: str, note: str = "") -> Any:

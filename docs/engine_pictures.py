@@ -154,7 +154,7 @@ def rays(ink: Ink) -> Figure:
     for sign in (-1, 1):
         seen.step(centres, 12 + sign * half, where="mid", color=ink.mark, lw=1.0)
     seen.set(xlim=(0, 32), ylim=(24, 0))
-    seen.set_title("walls as high as 1 / depth", color=ink.text)
+    seen.set_title("wall height: focal / depth", color=ink.text)
     return figure
 
 
@@ -178,7 +178,7 @@ def lines(ink: Ink) -> Figure:
         panel.scatter(*places[~solid, :2].T, s=34, c=ink.page, edgecolors=colour, zorder=3)
         panel.scatter(*places[solid, :2].T, s=34, c=colour, zorder=3)
         first = places[solid][0]
-        says = "the nearer: the wall" if first[2] == nearest else "farther away: not seen"
+        says = "nearest hit: the wall" if first[2] == nearest else "farther hit: hidden"
         panel.annotate(
             says, first[:2], (6.3, 5.6), color=ink.text,
             arrowprops={"arrowstyle": "->", "color": ink.text},
@@ -196,7 +196,7 @@ def layers(ink: Ink) -> Figure:
     labels = view.image(kind="labels", things=False)
     ground = np.dstack([bare, np.where(labels <= 1, 255, 0).astype(np.uint8)])
     depth = 1 / view.image(kind="depth")
-    titles = "floor and ceiling", "and walls", "and things", "depth, from the same rays"
+    titles = "floor and ceiling", "+ walls", "+ things", "depth image"
     for panel, image, title in zip(panels, (ground, bare, full, depth), titles, strict=True):
         panel.imshow(image, interpolation="nearest", cmap="magma", extent=(0, 96, 72, 0))
         panel.set_title(title, color=ink.text, fontsize=9)

@@ -1,12 +1,12 @@
-"""`look="game"` beside the frames of the running game, pixel by pixel.
+"""Compare `look="game"` with frames of the running game, pixel by pixel.
 
     python -m fidelity.doom_looks [--frames N] [--seed N] [--only NAME] [--picture FILE.png]
 
-Needs the extra `vizdoom`. The game plays random buttons; our frame is drawn from the pose and the
-things of each of its states, with the frame of a thing that fits best. Printed are the shares of
-pixels with three equal bytes, of frames that are wholly equal, and the mean absolute error of a
-byte, at two sizes of the game's screen and at 64x48, which is the middle one of every 5x5 pixels of
-the game's 320x240. The indented line has another frame beside each.
+Needs the extra `vizdoom`. The game plays random buttons, and our frame is drawn from the pose and
+the things of each of its states, with the best-fitting picture of each thing. The table has the
+share of pixels with three equal bytes, the number of frames that are equal as a whole, and the mean
+absolute error of a byte, at two screen sizes of the game and at 64x48, the middle one of every 5x5
+pixels of the game's 320x240. The indented line compares with another frame.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Pairs = list[tuple[np.ndarray, np.ndarray]]
 
 
 def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np.ndarray]:
-    """uint8[height, width, 3]: our frame of each view, of a size (width, height)."""
+    """Our frame uint8[height, width, 3] for each view; `size` is (width, height)."""
     name, (width, height) = f"doom-{scenario.replace('_', '-')}", size
     env: Any
     env, params = jaxenstein.make(name, look="game", width=width, height=height)
@@ -64,7 +64,7 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
         for number, seen in enumerate(view.things):
             places[number] = seen.x, seen.y
             sprites.visible[number] = True
-            # Of a thing whose frames we do not tell apart, the first one.
+            # Use frame A for a thing of which we have only one frame.
             which = (seen.look.sprite, seen.look.frame)
             which = which if which in looks else (seen.look.sprite, "A")
             sprites.picture[number] = looks.index(which)
@@ -75,7 +75,7 @@ def ours(scenario: str, views: Sequence[View], size: tuple[int, int]) -> list[np
 
 
 def compare(scenario: str, frames: int, seed: int) -> Pairs:
-    """Play a scenario at all sizes, print the figures; returns pairs of the first size."""
+    """Play a scenario at all sizes and print the table; return the pairs of the first size."""
     pictures = Wad(find_iwad())
     screens = renderers(scenario, pictures)
     played = [list(views(scenario, size, frames, seed)) for size in SIZES]
@@ -96,12 +96,16 @@ def compare(scenario: str, frames: int, seed: int) -> Pairs:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play, compare, print; write a picture of the worst frames, ours on top."""
+    """Play, compare and print; write an image of the worst frames, ours on top."""
     parser = argparse.ArgumentParser(description="Compare look='game' with the running game.")
-    parser.add_argument("--frames", type=int, default=200, help="of each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
-    parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="write the worst frames")
+    parser.add_argument(
+        "--frames", type=int, default=200, help="frames per scenario (default %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="write the worst frames, ours on top"
+    )
     options = parser.parse_args(argv)
     if options.picture:
         check_writable(options.picture)

@@ -1,14 +1,14 @@
-"""The game's frames beside those of the integer rules of its renderer, pixel by pixel.
+"""Compare the game's frames, pixel by pixel, with a renderer that follows the game's integer rules.
 
     python -m fidelity.doom_picture [--frames N] [--seed N] [--only NAME] [--particles]
     python -m fidelity.doom_picture --record FILE
 
-Needs the extra `vizdoom`. The game plays random buttons. The poses and things of its states are
-given to the renderer of `tests/reference/doom_picture.py`. Particles and decals are off unless
-asked for, because the state does not tell them. What is printed are the shares of pixels with three
-equal bytes and of frames that are wholly equal, and the mean absolute error of a byte. The indented
-lines are what wrong rules would give: another frame, the eye one map unit aside or half a unit
-higher, an angle one entry of the table of sines off, and neither things nor weapon.
+Needs the extra `vizdoom`. The game plays random buttons; `tests/reference/doom_picture.py` draws
+the poses and things of its states. Particles and decals are off without `--particles`, because the
+state does not contain them. The table has the share of pixels with three equal bytes, the number of
+frames that are equal as a whole, and the mean absolute error of a byte. The indented lines show the
+effect of errors: another frame, the eye one map unit aside or half a unit higher, an angle one
+entry of the sine table off, and no things or weapon.
 """
 
 from __future__ import annotations
@@ -36,31 +36,31 @@ SCENARIOS = (
     *("basic", "defend_the_center", "defend_the_line", "deadly_corridor"),
 )
 SIZES = SCREENS[:2]
-# So many views are recorded of scenarios other than the first one, and none of the last one: it
-# does not tell how the weapon bobs once the player is hit.
+# The number of recorded views of a scenario after the first. The last scenario has none: its states
+# do not show how the weapon bobs once the player is hit.
 FEW = 12
 
 
 def renderers(scenario: str, pictures: Wad) -> dict[tuple[int, int], Renderer]:
-    """A renderer of a scenario for each size of the screen."""
+    """The renderers of a scenario, by screen size."""
     folder = Path(load_vizdoom().scenarios_path)
     game_map = read_game_map(Wad(folder / f"{scenario}.wad"))
     return {size: Renderer(game_map, pictures, size[1], size[0]) for size in SIZES}
 
 
 def moved(view: View, **change: int) -> View:
-    """A view with something added to the numbers of its pose."""
+    """A view with changes added to its pose."""
     added = {name: getattr(view.pose, name) + value for name, value in change.items()}
     return dataclasses.replace(view, pose=dataclasses.replace(view.pose, **added))
 
 
 def digest(frame: np.ndarray) -> str:
-    """Of a picture."""
+    """The digest of an image."""
     return hashlib.blake2b(frame.tobytes(), digest_size=8).hexdigest()
 
 
 def shares(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> str:
-    """What is equal, in words."""
+    """The shares of equal pixels and frames, and the error, in words."""
     pairs = list(zip(ours, theirs, strict=True))
     equal = np.array([(a == b).all(axis=-1).mean() for a, b in pairs])
     error = np.mean([np.abs(a.astype(int) - b).mean() for a, b in pairs])
@@ -73,7 +73,7 @@ def shares(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> str:
 def compare(
     scenario: str, frames: int, seed: int, particles: bool = False
 ) -> list[tuple[View, ...]]:
-    """Play a scenario at all sizes, print the figures; returns each view at all sizes."""
+    """Play a scenario at all sizes and print the table; return each view at all sizes."""
     pictures = Wad(find_iwad())
     drawers = renderers(scenario, pictures)
     played = [list(views(scenario, size, frames, seed, particles)) for size in SIZES]
@@ -100,7 +100,7 @@ def compare(
 
 
 def record(path: Path, seen: dict[str, list[tuple[View, ...]]]) -> None:
-    """Write views of all sizes with digests of the game's frames, but no pictures."""
+    """Write the views at all sizes with digests of the game's frames instead of images."""
     lines = []
     for scenario, played in seen.items():
         for same in played:
@@ -121,11 +121,15 @@ def record(path: Path, seen: dict[str, list[tuple[View, ...]]]) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play, compare, print, write."""
-    parser = argparse.ArgumentParser(description="Compare the game's frames with its rules.")
-    parser.add_argument("--frames", type=int, default=200, help="of each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
-    parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
+    """Play, compare, print and record."""
+    parser = argparse.ArgumentParser(
+        description="Compare the game's frames with the reference renderer."
+    )
+    parser.add_argument(
+        "--frames", type=int, default=200, help="frames per scenario (default %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
     parser.add_argument("--particles", action="store_true", help="leave particles and decals on")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")
     options = parser.parse_args(argv)

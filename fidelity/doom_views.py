@@ -1,8 +1,8 @@
-"""Frames of the running game with what its state tells of them, for `fidelity.doom_picture`.
+"""Frames of the running game and the states they show, for `fidelity.doom_picture`.
 
-The state tells the camera's pose and the places of things. It does not tell which picture a thing
-or the weapon shows, nor whether a shot flashes: of the few that are possible, the ones that give
-the most equal pixels are taken.
+A state of the game has the camera's pose and the positions of things. It does not say which picture
+a thing or the weapon shows, or whether a shot flashes. Of the few candidates, `fitted` takes those
+with the most equal pixels.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ VARIABLES = (
     *("VELOCITY_X", "VELOCITY_Y"),
 )
 EPISODES = 10
-# Tics between two frames: at least and at most.
+# The least and the largest number of tics between two frames.
 APART = 3, 40
-# Every fourth frame is shot from beside a thing: at most so many map units away from it.
+# Every fourth frame is taken near a thing: at most this many map units away.
 BESIDE = 256
-# How many 256ths of gold lie over the frame in which the vest is taken.
+# The share of gold, in 256ths, in the frame in which the vest is taken.
 GOLD = 48
-# What a shot adds to the light, and the tics in which a weapon is raised.
+# The light that a shot can add, and the number of tics in which a weapon is raised.
 FLASHES, RAISING = (0, 16), 20
 REST = 32 * ONE + ONE * 3 // 8
 
@@ -60,7 +60,7 @@ SPRITES = {
     "Shotgun": "SHOT",
     "Chaingun": "MGUN",
 }
-"""The sprites of things, by the game's names without the `Dead` of corpses."""
+"""The sprites of things by their names in the game, without the prefix `Dead` of corpses."""
 BLENDS: dict[str, Blend] = {"BAL1": "add", "PUFF": "mean"}
 LIFELESS = "MEDI", "BON1", "CLIP", "SHOT", "MGUN"
 
@@ -75,7 +75,7 @@ class Look(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """A thing and its feet in 16.16."""
+    """A thing, and the position of its feet in 16.16."""
 
     look: Look
     x: int
@@ -84,7 +84,7 @@ class Seen(NamedTuple):
 
 
 class Held(NamedTuple):
-    """A picture of a weapon, and its place."""
+    """A picture of a weapon, and its position."""
 
     sprite: str
     frame: str
@@ -95,16 +95,16 @@ class Held(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """What the eye sees, and its picture.
+    """What a frame of the game shows, and the frame.
 
     Attributes:
-        pose: of the camera.
-        things: what is there besides walls.
-        held: what the player holds.
-        gold: 256ths of gold over the frame.
-        flash: light that a shot adds.
-        frame: uint8[height, width, 3], the game's picture.
-        weapons: what the player may hold.
+        pose: the pose of the camera.
+        things: all things.
+        held: the pictures of the weapon.
+        gold: the share of gold in the frame, in 256ths.
+        flash: the light that a shot adds.
+        frame: uint8[height, width, 3], the game's frame.
+        weapons: the candidates for `held`.
     """
 
     pose: Pose
@@ -119,9 +119,9 @@ class View:
 def views(
     scenario: str, size: tuple[int, int], frames: int, seed: int, particles: bool = False
 ) -> Iterator[View]:
-    """Views of episodes, with particles and decals or without; equal seeds give equal poses.
+    """Views of episodes, with or without particles and decals; equal seeds give equal poses.
 
-    In mazes and rooms without monsters every second one is at a random place.
+    In scenarios without monsters, every second view is at a random place.
     """
     draw, places = random.Random(seed), open_places(scenario)
 
@@ -131,7 +131,7 @@ def views(
         game.set_render_particles(particles)
         game.set_render_decals(particles)
         if places:
-            # The hardest level allows no jumps to another place.
+            # The hardest level does not allow the command `warp`.
             game.set_doom_skill(3)
 
     with running(scenario, seed=seed, variables=VARIABLES, size=size, prepare=prepare) as game:
@@ -156,7 +156,7 @@ def views(
 
 
 def buttons_held(draw: random.Random, count: int) -> Iterator[int]:
-    """The buttons of some tics, as bits."""
+    """Random buttons for some tics, as bits."""
     tics = draw.randint(*APART)
     while tics > 0:
         hold, held = draw.randint(1, LONGEST_HOLD), pick(draw, count)
@@ -166,7 +166,7 @@ def buttons_held(draw: random.Random, count: int) -> Iterator[int]:
 
 @functools.cache
 def open_places(scenario: str) -> list[tuple[float, float]]:
-    """Where a player has room, in map units: the middles of tiles with open ones around them."""
+    """Free places in map units: the middles of open tiles whose neighbours are all open."""
     if scenario not in ("my_way_home", "health_gathering", "health_gathering_supreme"):
         return []
     tiles = rasterise(load_map(scenario.replace("_", "-")))
@@ -178,9 +178,9 @@ def open_places(scenario: str) -> list[tuple[float, float]]:
 
 
 def look(scenario: str, state: Any) -> View:
-    """The view that a state of the game shows, with things in their first look."""
+    """The view of a state of the game, with the first picture of each thing."""
     x, y, z, angle, *speed = (float(value) for value in state.game_variables)
-    # The game divides by the greatest angle there is, not by the circle.
+    # The game divides by the largest angle, 2**32 - 1.
     pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z), round(angle / 360 * (2**32 - 1)) % 2**32)
     things = []
     for o in state.objects:
@@ -198,7 +198,7 @@ def look(scenario: str, state: Any) -> View:
 
 
 def pistols(tic: int, dx: float, dy: float) -> tuple[tuple[Held, ...], ...]:
-    """The pistol as it may be: at rest or bobbing, with the flash of a shot, being raised."""
+    """The candidates for a pistol: at rest, bobbing or being raised, with or without a flash."""
     # It bobs by the square of the speed before friction, and is at rest while it fires.
     fast = [round(to_fixed(speed) * ONE / 59392) for speed in (dx, dy)]
     bob = min(sum(speed * speed for speed in fast) >> 18, 16 * ONE)
@@ -214,7 +214,7 @@ def pistols(tic: int, dx: float, dy: float) -> tuple[tuple[Held, ...], ...]:
 
 
 def drawn(renderer: Renderer, pictures: Wad, view: View) -> np.ndarray:
-    """uint8[height, width, 3]: the renderer's picture of a view."""
+    """uint8[height, width, 3]: a view as the renderer draws it."""
     things = []
     for (sprite, frame, side, bright), x, y, z in view.things:
         blend = BLENDS.get(sprite, "cover")
@@ -225,7 +225,7 @@ def drawn(renderer: Renderer, pictures: Wad, view: View) -> np.ndarray:
 
 @functools.cache
 def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
-    """A sprite's picture; marines wear another green."""
+    """A picture of a sprite; marines get their own colour."""
     found = pictures.sprite(sprite, frame)[side]
     if sprite != "PLAY":
         return found
@@ -245,7 +245,7 @@ def looks(pictures: Wad, sprite: str, side: int) -> tuple[Look, ...]:
 
 
 def fitted(renderers: Sequence[Renderer], pictures: Wad, views: Sequence[View]) -> tuple[View, ...]:
-    """One view at several sizes, with the looks that give the most equal pixels in all."""
+    """A view at several sizes, with the pictures that give the most equal pixels over all sizes."""
 
     def changed(**change: Any) -> list[View]:
         return [dataclasses.replace(view, **change) for view in current]

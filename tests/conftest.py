@@ -37,7 +37,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def compile_quickly() -> None:
-    """Compile what computes the same but takes half the time to compile."""
+    """Compile with few optimisations, which takes half the time."""
     jax.config.update("jax_disable_most_optimizations", True)
     os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
     # Later versions of JAX do not know this flag, and stop the process.
@@ -48,7 +48,7 @@ def compile_quickly() -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def _programs(pytestconfig: pytest.Config) -> Iterator[None]:
-    """Share what a file compiled, and forget it: the programs of all files take gigabytes."""
+    """Share the compiled programs of a file, then drop them: all files together take gigabytes."""
     yield
     jax.clear_caches()
     if PROGRAMS in pytestconfig.stash:
@@ -57,9 +57,9 @@ def _programs(pytestconfig: pytest.Config) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def plain_frames() -> Iterator[None]:
-    """Frames without rays, for tests of what is done with frames rather than of what they show.
+    """Cheap frames, for tests in which the content of frames does not matter.
 
-    They depend on all that a scene shows, and compile in a moment; the engine's take seconds.
+    They depend on the whole scene and compile at once; frames of the engine take seconds.
     """
     with mock.patch("jaxenstein.tasks.first_person.render", plain_frame):
         yield

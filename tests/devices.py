@@ -29,7 +29,7 @@ def run_with_devices(number: int, *arguments: str) -> None:
 
 
 def started(code: str, devices: int) -> subprocess.Popen[str]:
-    """A process with so many simulated devices that runs this code."""
+    """Start a process with this many simulated devices that runs this code."""
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
     environment = {
         **os.environ,
@@ -47,7 +47,7 @@ def started(code: str, devices: int) -> subprocess.Popen[str]:
 
 
 def free_port() -> int:
-    """A port that nobody listens on."""
+    """A free port."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])

@@ -22,7 +22,7 @@ def gathered(folder: Path, *results: Results, actions: str | None = None) -> dic
     return gather([(None, path) for path in paths], actions)
 
 
-def test_policies_are_told_by_name_and_actions(tmp_path: Path) -> None:
+def test_policies_are_identified_by_name_and_actions(tmp_path: Path) -> None:
     found = gathered(
         tmp_path,
         results_of("simple", ONE, "a", "greedy"),
@@ -39,7 +39,7 @@ def test_policies_are_told_by_name_and_actions(tmp_path: Path) -> None:
         gather([(None, paths[1])], "greedy")
 
 
-def test_labels_put_files_together(tmp_path: Path) -> None:
+def test_labels_group_files(tmp_path: Path) -> None:
     paths = write_all(
         tmp_path,
         {
@@ -61,7 +61,7 @@ def test_labels_put_files_together(tmp_path: Path) -> None:
     ]
 
 
-def test_defaults_that_are_named_are_no_difference(tmp_path: Path) -> None:
+def test_explicit_defaults_are_no_difference(tmp_path: Path) -> None:
     plain = results_of("simple", ONE, "a")
     named = results_of("simple", TWO, "b", settings={"frame_skip": 1, "observation": "rgb"})
     named_too = results_of("simple", TWO, "c", params={"goal_reward": 1.0})
@@ -85,7 +85,7 @@ def test_defaults_that_are_named_are_no_difference(tmp_path: Path) -> None:
         ({"task": "t-maze"}, "a has no results for t-maze, but b does: .* the same tasks"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(
+def test_incomparable_results_are_refused(
     others: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     two = results_of(**{"task": "simple", "returns": TWO, "policy": "b", **others})
@@ -99,7 +99,7 @@ def test_runs_need_the_same_episodes(tmp_path: Path) -> None:
         gathered(tmp_path, results_of("simple", ONE, "a"), longer)
 
 
-def test_maps_of_ones_own_go_by_their_name(tmp_path: Path) -> None:
+def test_custom_maps_are_identified_by_name(tmp_path: Path) -> None:
     settings = {"text": "#####\n#S.G#\n#####\n", "name": "hall"}
     mine = results_of("", ONE, settings=settings)
     mine = Results(**{**vars(mine), "environment": type(mine.environment)(None, 0, settings, {})})
@@ -142,7 +142,7 @@ def test_reference_files(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_reference_files_are_told(content: str | None, words: str, tmp_path: Path) -> None:
+def test_wrong_reference_files_are_refused(content: str | None, words: str, tmp_path: Path) -> None:
     path = tmp_path / "reference.json"
     if content is not None:
         path.write_text(content)

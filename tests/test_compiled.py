@@ -16,11 +16,11 @@ from jax._src.compilation_cache import compress_executable
 from tests.compiled import Programs
 
 # A program as JAX writes it.
-WHOLE = compress_executable(bytes(range(256)) * 100)
+COMPLETE = compress_executable(bytes(range(256)) * 100)
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _temporary_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A virtual environment for this test, which JAX does not use."""
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.setattr(os, "environ", dict(os.environ))
@@ -38,34 +38,34 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_what_one_has_compiled_the_others_find(programs: Programs) -> None:
+def test_other_processes_find_compiled_programs(programs: Programs) -> None:
     beside = Programs()
-    (programs.own / "add-cache").write_bytes(WHOLE)
+    (programs.own / "add-cache").write_bytes(COMPLETE)
     programs.exchange()
     assert names(beside.own) == set()
     beside.exchange()
     later = Programs()
     for other in (beside, later):
-        assert (other.own / "add-cache").read_bytes() == WHOLE
+        assert (other.own / "add-cache").read_bytes() == COMPLETE
         other.close()
         assert not other.own.exists()
-    assert (programs.shared / "add-cache").read_bytes() == WHOLE
+    assert (programs.shared / "add-cache").read_bytes() == COMPLETE
 
 
-def test_what_is_not_whole_is_shared_when_it_is(programs: Programs) -> None:
+def test_incomplete_program_is_shared_once_complete(programs: Programs) -> None:
     path = programs.own / "add-cache"
-    for length in (0, 1, len(WHOLE) // 2, len(WHOLE) - 1):
-        path.write_bytes(WHOLE[:length])
+    for length in (0, 1, len(COMPLETE) // 2, len(COMPLETE) - 1):
+        path.write_bytes(COMPLETE[:length])
         programs.exchange()
         assert names(programs.shared) == set()
-    path.write_bytes(WHOLE)
+    path.write_bytes(COMPLETE)
     programs.exchange()
     assert names(programs.shared) == {"add-cache"}
 
 
-def test_what_others_are_still_writing_is_not_read(programs: Programs) -> None:
-    """Nor what they left when they were killed."""
-    (programs.shared / "add-cache.123").write_bytes(WHOLE[:9])
+def test_unfinished_programs_are_not_read(programs: Programs) -> None:
+    """Including the unfinished files of killed processes."""
+    (programs.shared / "add-cache.123").write_bytes(COMPLETE[:9])
     programs.exchange()
     assert names(programs.own) == set()
 
@@ -73,7 +73,7 @@ def test_what_others_are_still_writing_is_not_read(programs: Programs) -> None:
 def test_other_versions_and_processors_share_nothing(
     programs: Programs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (programs.own / "add-cache").write_bytes(WHOLE)
+    (programs.own / "add-cache").write_bytes(COMPLETE)
     programs.exchange()
     version = "__version__"
     for where, name in ((jax, version), (jaxlib.version, version), (sys, "implementation")):
@@ -105,7 +105,7 @@ print(told.count("cache_misses"), told.count("cache_hits"))
 """
 
 
-def test_a_process_runs_what_another_has_compiled(tmp_path: Path) -> None:
+def test_process_runs_programs_compiled_by_another(tmp_path: Path) -> None:
     root = Path(__file__).parents[1]
     counts = []
     for _ in range(2):

@@ -35,7 +35,7 @@ def by_lax(images, weights, stride, padding):
         pytest.param((7, 7), (2, 2), 3, "SAME", marks=pytest.mark.slow),
     ],
 )
-def test_values_and_gradients_are_those_of_lax(size, kernel, stride, padding):
+def test_values_and_gradients_match_lax(size, kernel, stride, padding):
     keys = jax.random.split(KEY, 2)
     images = jax.random.normal(keys[0], (2, 3, *size, 3))
     weights = jax.random.normal(keys[1], (*kernel, 3, 4))
@@ -75,13 +75,13 @@ def test_one_image_and_other_data_types():
         ((6, 6, 3), (3, 3, 3, 4), {"padding": "same"}, "'VALID' or 'SAME', not 'same'"),
     ],
 )
-def test_what_does_not_fit_is_told(images, weights, options, message):
+def test_mismatched_shapes_are_refused(images, weights, options, message):
     with pytest.raises(SettingError, match=message):
         patch_convolution(jnp.zeros(images), jnp.zeros(weights), **options)
 
 
 @pytest.mark.parametrize("kinds", [("uint8", "float32"), ("float16", "float32"), ("int32",) * 2])
-def test_data_types_are_told(kinds):
+def test_mixed_data_types_are_refused(kinds):
     images, weights = jnp.zeros((4, 4, 1), kinds[0]), jnp.zeros((2, 2, 1, 1), kinds[1])
     with pytest.raises(SettingError, match=f"the same float dtype, not {kinds[0]} and {kinds[1]}"):
         patch_convolution(images, weights)

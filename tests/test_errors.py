@@ -1,4 +1,4 @@
-"""Messages stay short, and errors cross the border of a process."""
+"""Messages stay short, and errors can be pickled."""
 
 from __future__ import annotations
 
@@ -76,6 +76,6 @@ def test_commands_print_warnings_as_one_line(
         jaxenstein.SettingError("odd"),
     ],
 )
-def test_errors_cross_the_border_of_a_process(error: Exception) -> None:
+def test_errors_can_be_pickled(error: Exception) -> None:
     other = pickle.loads(pickle.dumps(error))
     assert (type(other), str(other), vars(other)) == (type(error), str(error), vars(error))

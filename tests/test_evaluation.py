@@ -30,13 +30,13 @@ def world() -> tuple[Any, Any]:
 
 
 def plain(obs: jax.Array, key: jax.Array) -> jax.Array:
-    """Mostly forward; sometimes what the picture says."""
+    """Mostly forward; sometimes an action that depends on the image."""
     seen = jnp.sum(obs.astype(jnp.int32)) % 5
     return jnp.where(jax.random.bernoulli(key, 0.8), 2, seen)
 
 
 def recurrent(carry: Any, obs: jax.Array, key: jax.Array) -> tuple[Any, jax.Array]:
-    """Elman's network of numbers that nobody trained, and the last action."""
+    """An untrained Elman network that also gets the last action."""
     weights = jnp.sin(jnp.arange(24.0, dtype=jnp.float32)).reshape(6, 4)
     seen = obs[0, :2].astype(jnp.float32).ravel() / np.float32(255)
     hidden = jnp.tanh(seen @ weights + carry["hidden"])
@@ -71,7 +71,7 @@ def played(
 
 
 @pytest.mark.parametrize(("policy", "carry"), [(plain, None), (recurrent, MEMORY)])
-def test_episodes_are_those_of_a_loop_over_single_environments(
+def test_episodes_match_a_loop_over_single_environments(
     world: tuple[Any, Any], policy: Any, carry: Any
 ) -> None:
     results = evaluate(*world, policy, carry, episodes=12, seed=SEED)
@@ -84,7 +84,7 @@ def test_episodes_are_those_of_a_loop_over_single_environments(
     # Both ends are among them, in episodes of several lengths.
     assert 0 < sum(successes) < 12
     assert len(set(lengths)) > 2
-    # However many run beside it, an episode is the same.
+    # An episode does not depend on the number of other episodes.
     fewer = evaluate(*world, policy, carry, episodes=5, seed=SEED)
     np.testing.assert_array_equal(fewer.returns, results.returns[:, :5])
     np.testing.assert_array_equal(fewer.lengths, results.lengths[:, :5])
@@ -92,7 +92,7 @@ def test_episodes_are_those_of_a_loop_over_single_environments(
     assert other.lengths.tolist() != results.lengths.tolist()
 
 
-def test_results_say_what_was_played(world: tuple[Any, Any]) -> None:
+def test_results_describe_the_environment(world: tuple[Any, Any]) -> None:
     done: list[float] = []
     env, params = world
     results = evaluate(env, params, plain, episodes=3, seed=SEED, notify=done.append)
@@ -108,7 +108,7 @@ def test_results_say_what_was_played(world: tuple[Any, Any]) -> None:
     assert evaluate(env, params, plain, episodes=1, name="mine").names == ("mine",)
 
 
-def test_a_task_without_an_id_is_told_by_its_class() -> None:
+def test_task_without_an_id_is_named_by_its_class() -> None:
     env = Fruit(height=8, width=12)
     params = env.default_params.replace(max_steps_in_episode=3)
     results = evaluate(env, params, lambda obs, key: 0, episodes=2)
@@ -119,7 +119,7 @@ def test_a_task_without_an_id_is_told_by_its_class() -> None:
     assert (built.height, built.width, int(numbers.max_steps_in_episode)) == (8, 12, 3)
 
 
-def test_weights_of_a_partial_are_no_part_of_the_program(world: tuple[Any, Any]) -> None:
+def test_weights_in_a_partial_are_not_compiled_in(world: tuple[Any, Any]) -> None:
     traced: list[int] = []
 
     def act(weights: jax.Array, obs: jax.Array, key: jax.Array) -> jax.Array:
@@ -133,11 +133,11 @@ def test_weights_of_a_partial_are_no_part_of_the_program(world: tuple[Any, Any])
     first = lengths([0, 0, 1, 0, 0])
     before = len(traced)
     assert lengths([1, 0, 0, 0, 0]) != first
-    # Traced to see what it returns, and not to compile it.
+    # Traced only for its output shapes.
     assert len(traced) == before + 1
 
 
-def test_callables_that_cannot_be_hashed_are_policies(world: tuple[Any, Any]) -> None:
+def test_unhashable_callables_are_policies(world: tuple[Any, Any]) -> None:
     @dataclasses.dataclass
     class Constant:
         action: Any
@@ -177,13 +177,13 @@ WRONG: dict[str, tuple[Any, Any, str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_policies_are_told(world: tuple[Any, Any], name: str) -> None:
+def test_wrong_policies_are_refused(world: tuple[Any, Any], name: str) -> None:
     policy, carry, message = WRONG[name]
     with jax.numpy_dtype_promotion("standard"), pytest.raises(SettingError, match=message):
         evaluate(*world, policy, carry)
 
 
-def test_wrong_worlds_and_numbers_are_told(world: tuple[Any, Any]) -> None:
+def test_wrong_environments_and_numbers_are_refused(world: tuple[Any, Any]) -> None:
     env, params = world
     several = params.replace(living_reward=jnp.zeros(3))
     cases: list[tuple[Any, Any, str]] = [

@@ -95,7 +95,7 @@ SETTINGS: list[tuple[str, Any, str]] = [
 
 
 @pytest.mark.parametrize(("name", "value", "message"), SETTINGS)
-def test_a_wrong_setting_is_told_alike_in_python_and_in_a_file(name, value, message):
+def test_wrong_setting_gives_the_same_error_in_python_and_in_a_file(name, value, message):
     with pytest.raises(SettingError) as caught:
         check(Sample(**{name: value}))
     assert message in str(caught.value)
@@ -108,7 +108,7 @@ def test_a_wrong_setting_is_told_alike_in_python_and_in_a_file(name, value, mess
     assert message in str(again.value)
 
 
-def test_settings_that_are_right_stay():
+def test_valid_settings_stay():
     values: dict[str, Any] = {
         "size": np.int64(4096), "angle": np.float32(30), "near": 1, "wide": True, "seed": 9,
         "colour": "green", "mode": "next", "levels": range(2, 5), "convolutions": [[8, 4, 2]],
@@ -157,7 +157,7 @@ class Numbers:
         ("free", True, "free must be a finite number, not True"),
     ],
 )
-def test_a_wrong_number_is_told(name, value, message):
+def test_wrong_number_is_refused(name, value, message):
     for entry in (check_numbers, as_arrays):
         with pytest.raises(SettingError) as caught:
             entry(Numbers(**{name: value}))
@@ -165,7 +165,7 @@ def test_a_wrong_number_is_told(name, value, message):
     check_numbers(Numbers(**{name: value}), skip=[name])
 
 
-def test_numbers_become_arrays_and_traced_ones_pass():
+def test_numbers_become_arrays_and_tracers_pass():
     arrays = as_arrays(Numbers(steps=9.0, free=jnp.array([1, 2])))
     assert (arrays.steps.dtype, int(arrays.steps)) == (np.int32, 9)
     assert (arrays.free.dtype, arrays.free.shape) == (np.float32, (2,))
@@ -190,7 +190,7 @@ def test_numbers_become_arrays_and_traced_ones_pass():
         ("convolutions", "8x4x32,4x2x64", ((8, 4, 32), (4, 2, 64))),
     ],
 )
-def test_the_text_of_a_flag_is_a_value(name, text, value):
+def test_flag_text_is_parsed(name, text, value):
     read = reader(options_of(Sample, "x", [name])[0].domain)(text)
     assert (read, type(read)) == (value, type(value))
 
@@ -198,7 +198,7 @@ def test_the_text_of_a_flag_is_a_value(name, text, value):
 @pytest.mark.parametrize(
     ("name", "text"), [("size", "x"), ("size", "nan"), ("levels", "5"), ("convolutions", "8x4")]
 )
-def test_the_text_of_a_flag_that_is_no_value_is_told(name, text):
+def test_invalid_flag_text_is_refused(name, text):
     with pytest.raises(argparse.ArgumentTypeError, match=r"^must be .*, not "):
         reader(options_of(Sample, "x", [name])[0].domain)(text)
 
@@ -211,7 +211,7 @@ def test_fields_are_described_by_their_docstring_range_and_default():
     assert options_of(Derived, "x", ["size"])[0].described.endswith("(from 1 to 4096; default 8)")
 
 
-def test_degrees_are_a_number_or_two():
+def test_degrees_are_one_number_or_two():
     domain = Domain("angle", -3600, 3600, optional=True)
     assert [reader(domain)(text) for text in ("-45,45.5", "90", "none")] == [(-45, 45.5), 90, None]
     for text in ("90,0", "3601", "1,2,3", "north", "nan"):
@@ -221,7 +221,7 @@ def test_degrees_are_a_number_or_two():
             reader(domain)(text)
 
 
-def test_names_that_there_are_not():
+def test_unknown_names_are_refused():
     with pytest.raises(
         SettingError, match=r"unknown option 'sise', did you mean 'size'.*known: si"
     ):

@@ -30,7 +30,7 @@ def fail_with(number: int):
     return fail
 
 
-def test_content_arrives_with_ordinary_permissions(tmp_path: Path) -> None:
+def test_content_is_written_with_ordinary_permissions(tmp_path: Path) -> None:
     target = tmp_path / "file"
     plain = tmp_path / "plain"
     plain.write_text("x")
@@ -44,7 +44,7 @@ def test_content_arrives_with_ordinary_permissions(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["x" * 255, "\N{MAN}" * 63, "a\nb 'c\" \udcff"])
-def test_every_name_that_the_system_allows_can_be_written(tmp_path: Path, name: str) -> None:
+def test_every_name_the_system_allows_can_be_written(tmp_path: Path, name: str) -> None:
     target = tmp_path / name
     try:
         target.write_text("old")
@@ -69,7 +69,7 @@ def test_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Monke
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_an_error_in_the_block_leaves_nothing(tmp_path: Path) -> None:
+def test_error_in_the_block_leaves_nothing(tmp_path: Path) -> None:
     def write() -> None:
         with atomic(tmp_path / "file") as part:
             part.write_text("half")
@@ -80,7 +80,7 @@ def test_an_error_in_the_block_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_impossible_targets_are_told_early(tmp_path: Path) -> None:
+def test_impossible_targets_are_reported_early(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     for target, reason in (
         (tmp_path, "it is a folder"),
@@ -97,7 +97,7 @@ def test_impossible_targets_are_told_early(tmp_path: Path) -> None:
 
 
 def test_devices_and_pipes_are_not_replaced(tmp_path: Path) -> None:
-    """Who may write in their folder would lose `/dev/stdout`."""
+    """Otherwise a user who can write to their folder would lose `/dev/stdout`."""
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to(os.devnull)
     for name in ("pipe", "link"):
@@ -107,14 +107,14 @@ def test_devices_and_pipes_are_not_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "link").is_char_device()
 
 
-def test_a_folder_that_is_closed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwritable_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "run").mkdir()
     monkeypatch.setattr(Path, "lstat", fail_with(errno.EACCES))
     with pytest.raises(OutputError, match=r"^cannot write .*run: permission denied$"):
         check_links(tmp_path)
 
 
-def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None:
+def test_too_long_name_is_reported_before_anything_is_created(tmp_path: Path) -> None:
     for path in (tmp_path / ("a" * 300), tmp_path / ("a" * 300) / "b.gif"):
         with pytest.raises(OutputError, match=r"^cannot write .*: file name too long$"):
             check_writable(path)
@@ -125,7 +125,7 @@ def test_a_name_too_long_is_told_before_anything_is_made(tmp_path: Path) -> None
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="this system has no such device")
-def test_a_device_without_end_is_no_text(tmp_path: Path) -> None:
+def test_endless_device_is_not_read(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="it has more than 1000 characters"):
         read_text("/dev/zero", 1000)
     for read in (load_trajectory, read_reference, read_results, jaxenstein.from_file):

@@ -1,4 +1,4 @@
-"""Images for the setting `textures`: reading, names, sizes, and what is refused."""
+"""Images for the setting `textures`: reading, names, sizes, and refused input."""
 
 import dataclasses
 import json
@@ -31,7 +31,7 @@ def save(folder: Path, **images: np.ndarray) -> Path:
     return folder
 
 
-def test_a_folder_and_arrays_of_the_same_images_are_equal(tmp_path: Path) -> None:
+def test_folder_and_arrays_of_the_same_images_are_equal(tmp_path: Path) -> None:
     walls, goal = noise(8, 16), noise(4, 4, 4)
     folder = save(tmp_path, wall=walls, goal=goal, red_key=walls)
     (tmp_path / "notes.txt").write_text("no image")
@@ -51,7 +51,7 @@ def test_a_folder_and_arrays_of_the_same_images_are_equal(tmp_path: Path) -> Non
     assert set(found) == {*WALL_LABELS, LABEL_NAMES.index("goal"), LABEL_NAMES.index("red key")}
 
 
-def test_the_name_of_one_label_goes_before_that_of_several() -> None:
+def test_specific_label_names_take_precedence() -> None:
     images = {"locked_red-door": noise(2, 2), "DOOR": GREY, "locked door": noise(1, 1), "key": GREY}
     found = read_images(images).of_labels()
     sides = [len(found[door_label(c, locked=True)].pixels) for c in (0, 1)]
@@ -69,7 +69,7 @@ def test_sides_become_powers_of_two(shape: tuple[int, int], sides: tuple[int, in
     assert (picture.pixels[..., 3] == 255).all()
 
 
-def test_transparent_pixels_have_no_part_in_a_resized_image() -> None:
+def test_transparent_pixels_do_not_affect_a_resized_image() -> None:
     """A white disc on transparent black stays white up to its edge."""
     y, x = np.indices((300, 300))
     inside = np.hypot(x - 149.5, y - 149.5) < 120
@@ -102,12 +102,12 @@ WRONG: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(("given", "message"), WRONG)
-def test_what_is_no_images_is_refused(given: Any, message: str) -> None:
+def test_invalid_images_are_refused(given: Any, message: str) -> None:
     with pytest.raises(SettingError, match=message):
         jaxenstein.make("simple", textures=given)
 
 
-def test_wrong_files_are_named(tmp_path: Path) -> None:
+def test_error_names_wrong_file(tmp_path: Path) -> None:
     save(tmp_path, wall=GREY)
     whole = (tmp_path / "wall.png").read_bytes()
     for name, content, message in (
@@ -130,7 +130,7 @@ def test_textures_need_the_plain_look() -> None:
         jaxenstein.make("simple", textures={"wall": GREY}, look="patterned")
 
 
-def test_a_folder_is_kept_in_files_and_arrays_are_not(
+def test_folder_is_saved_in_files_and_arrays_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = save(tmp_path, wall=GREY)

@@ -1,4 +1,4 @@
-"""What importing and installing the package does, and does not do."""
+"""Importing and installing the package, and their side effects."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def loaded_modules(statement: str, home: Path) -> set[str]:
 
 
 def test_import_loads_nothing_heavy_beyond_jax(tmp_path: Path) -> None:
-    """Importing costs about what importing jax costs, told by modules instead of a clock."""
+    """Importing costs little more than importing jax, measured in modules instead of time."""
     before = loaded_modules("import jax, jax.numpy, numpy", tmp_path)
     after = loaded_modules("import jaxenstein", tmp_path)
     assert "jaxenstein" in after
@@ -65,7 +65,7 @@ def test_import_writes_no_file(tmp_path: Path) -> None:
     assert sorted(SOURCE.rglob("*")) == before
 
 
-def test_version_is_the_one_installed() -> None:
+def test_version_is_the_installed_one() -> None:
     try:
         installed = importlib.metadata.version("jaxenstein")
     except importlib.metadata.PackageNotFoundError:

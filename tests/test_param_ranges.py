@@ -49,7 +49,7 @@ def test_wrong_ranges_are_refused(name, value, message):
         params.replace(**{name: value})
 
 
-def test_other_numbers_are_still_checked_beside_a_range():
+def test_other_params_are_still_checked_beside_a_range():
     _, params = waiting()
     with pytest.raises(SettingError, match="move_distance must be a finite number"):
         params.replace(move_distance=4.0)
@@ -57,7 +57,7 @@ def test_other_numbers_are_still_checked_beside_a_range():
     assert ranges_of(params.replace(living_reward=-1.0)) == {}
 
 
-def test_one_environment_takes_no_range():
+def test_single_environment_refuses_ranges():
     env, params = waiting()
     message = r"living_reward must be one number here, not the range -2:-1: .*drawn\(params, seed\)"
     for call in (env.check_params, env.single_params, lambda p: env.reset(jax.random.key(0), p)):
@@ -67,7 +67,7 @@ def test_one_environment_takes_no_range():
         jax.jit(env.reset)(jax.random.key(0), params)
 
 
-def test_numbers_are_drawn_uniformly_and_apart():
+def test_params_are_drawn_uniformly_and_independently():
     env, params = jaxenstein.make("simple", **SIZE)
     assert drawn(params, 0) is params
     wide = params.replace(turn_angle=(0.1, 0.5), living_reward=(-3, 1))
@@ -88,7 +88,7 @@ def test_numbers_are_drawn_uniformly_and_apart():
         drawn(wide, -1)
 
 
-def test_environments_of_an_adapter_have_numbers_of_their_own():
+def test_each_environment_of_an_adapter_has_its_own_params():
     env, params = waiting()
     numbers = drawn(params, 0, 3)
     envs = GymnasiumVectorEnv(env, numbers, num_envs=3)
@@ -119,14 +119,14 @@ def test_each_episode_of_a_scripted_player_draws():
     wanted = [4 * float(draw_numbers(ranges, key)[0]["living_reward"]) for key in keys]
     np.testing.assert_allclose(results.returns[0], wanted, rtol=1e-6)
     assert results.environment.params["living_reward"] == (-2, -1)
-    # What a player knows of the params is that of its episode: larger turns take fewer steps.
+    # A player knows the params of its episode: larger turns take fewer steps.
     env, params = jaxenstein.from_ascii("####\n#SG#\n####", **SIZE, heading=180)
     turns = evaluate_player(env, params.replace(turn_angle=(0.1, 0.6)), "expert", episodes=8)
     assert turns.successes.all()
     assert len(np.unique(turns.lengths)) > 3
 
 
-def test_files_have_lists_for_ranges_and_old_ones_stay_readable():
+def test_files_store_ranges_as_lists_and_old_files_stay_readable():
     spec = spec_from({"env": "simple", "params": {"turn_angle": [0.1, 0.4], "goal_reward": 2}})
     plain = spec.to_json()
     assert plain["params"] == {"turn_angle": [0.1, 0.4], "goal_reward": 2}
@@ -145,7 +145,7 @@ def test_files_have_lists_for_ranges_and_old_ones_stay_readable():
             Spec.from_json({**plain, "params": {"turn_angle": value}})
 
 
-def test_commands_that_play_say_what_they_drew(tmp_path, monkeypatch, capsys):
+def test_playing_commands_print_the_drawn_params(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "map.txt").write_text("####\n#SG#\n####\n")
     place = ["--map-file=map.txt", "--horizon=3", "--height=8", "--width=8"]

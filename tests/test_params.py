@@ -31,7 +31,7 @@ SIZE = {"height": 8, "width": 8}
         ("move_distanc", 0.1, "no 'move_distanc', did you mean 'move_distance'"),
     ],
 )
-def test_wrong_numbers_are_refused_where_they_come_in(name, value, message):
+def test_wrong_numbers_are_refused_on_input(name, value, message):
     env, params = jaxenstein.make("simple", **SIZE)
     with pytest.raises(SettingError, match=message):
         params.replace(**{name: value})
@@ -42,7 +42,7 @@ def test_wrong_numbers_are_refused_where_they_come_in(name, value, message):
                 enter(wrong)
 
 
-def test_what_is_traced_or_no_number_passes():
+def test_tracers_and_placeholders_pass():
     env, params = jaxenstein.make("simple", **SIZE)
     far = jax.jit(lambda x: params.replace(move_distance=x).move_distance * 2)
     assert far(4.0) == 8
@@ -55,7 +55,7 @@ def test_what_is_traced_or_no_number_passes():
 
 
 @pytest.mark.parametrize("name", ["turn_angle", "max_steps_in_episode"])
-def test_params_of_a_batch_are_no_params_of_one_environment(name):
+def test_batched_params_are_refused_for_one_environment(name):
     env, params = jaxenstein.make("simple", **SIZE)
     many = params.replace(**{name: jnp.stack([getattr(params, name)] * 4)})
     keys = jax.random.split(jax.random.key(0), 4)
@@ -90,7 +90,7 @@ def test_stacked_params_are_mapped():
     assert states.time.shape == (1,)
 
 
-def test_the_most_steps_inside_of_compiled_code():
+def test_most_steps_in_compiled_code():
     env, params = jaxenstein.make("simple", frame_skip=3, **SIZE)
     params = params.replace(max_steps_in_episode=8)
 
@@ -106,7 +106,7 @@ def test_the_most_steps_inside_of_compiled_code():
     assert env.most_steps(many).dtype == jax.jit(env.most_steps)(many).dtype == np.int32
 
 
-def test_adapters_and_files_check_them_too():
+def test_adapters_and_files_check_params_too():
     with pytest.raises(SettingError, match="max_steps_in_episode must be"):
         gymnasium.make("jaxenstein/simple-v0", max_steps_in_episode=0)
     env, params = jaxenstein.make("simple", **SIZE)
@@ -123,7 +123,7 @@ def test_adapters_and_files_check_them_too():
         (jnp.zeros((), jnp.uint32), r"not uint32\[\]"),
     ],
 )
-def test_keys_that_are_none(key, message):
+def test_invalid_keys_are_refused(key, message):
     env, params = jaxenstein.make("simple", **SIZE)
     with pytest.raises(SettingError, match=message):
         env.reset(key, params)

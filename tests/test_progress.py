@@ -30,7 +30,7 @@ def test_line_shows_fraction_rate_and_time_left(clock: list[float]) -> None:
     assert bar.line() == "rollout [######------------------]  25%  125 steps/s  12 s left"
 
 
-def test_compiling_is_said_and_not_counted(clock: list[float]) -> None:
+def test_compiling_is_shown_but_not_counted(clock: list[float]) -> None:
     bar = Progress(100, "work", compiles=True, stream=io.StringIO())
     with bar:
         assert "compiling" in bar.stream.getvalue()  # type: ignore[attr-defined]
@@ -43,7 +43,7 @@ def test_compiling_is_said_and_not_counted(clock: list[float]) -> None:
     assert "20 steps/s  4.0 s left" in bar.line()
 
 
-def test_a_line_may_be_said_above(clock: list[float]) -> None:
+def test_line_can_be_printed_above(clock: list[float]) -> None:
     stream = Terminal()
     bar = Progress(10, "work", stream=stream)
     bar.show()
@@ -51,7 +51,7 @@ def test_a_line_may_be_said_above(clock: list[float]) -> None:
     assert re.search(r"\r\x1b\[Kcareful\n\rwork \[", stream.getvalue())
 
 
-def test_terminal_line_is_redrawn_in_place(clock: list[float]) -> None:
+def test_line_is_redrawn_in_place_on_a_terminal(clock: list[float]) -> None:
     stream = Terminal()
     with Progress(10, "work", stream=stream) as bar:
         for i in range(1, 11):
@@ -65,7 +65,7 @@ def test_terminal_line_is_redrawn_in_place(clock: list[float]) -> None:
     assert "100%" in text.rsplit("\r", 1)[1]
 
 
-def test_log_gets_few_lines_and_always_the_last(clock: list[float]) -> None:
+def test_log_gets_few_lines_including_the_last(clock: list[float]) -> None:
     stream = io.StringIO()
     with Progress(100, "work", stream=stream) as bar:
         for i in range(1, 101):

@@ -1,11 +1,11 @@
-"""The README is short and its samples work; the page of choices has all environments."""
+"""The README and the pages are short, samples work, and the page of choices is complete."""
 
 import re
 
 import pytest
 
 import jaxenstein
-from tests.docs.samples import ROOT, samples
+from tests.docs.samples import PAGES, ROOT, samples
 
 
 @pytest.fixture(scope="module")
@@ -13,11 +13,11 @@ def readme() -> str:
     return (ROOT / "README.md").read_text("utf-8")
 
 
-def test_it_is_short(readme):
+def test_readme_is_short(readme):
     assert len(readme.splitlines()) <= 120
 
 
-def test_it_leads_with_a_picture_and_two_commands(readme):
+def test_readme_starts_with_a_picture_and_two_commands(readme):
     first = readme.partition("\n## ")[0]
     picture, block = first.index("!["), first.index("```\n")
     assert picture < block
@@ -25,7 +25,7 @@ def test_it_leads_with_a_picture_and_two_commands(readme):
     assert len(commands) == 2
 
 
-def test_the_sample_does_what_its_comment_says():
+def test_sample_does_what_its_comment_says():
     names: dict = {}
     for sample in samples(ROOT / "README.md"):
         sample.run(names)
@@ -33,7 +33,7 @@ def test_the_sample_does_what_its_comment_says():
     assert names["reward"].shape == (256,)
 
 
-def test_the_table_of_families_is_complete():
+def test_table_of_families_is_complete():
     """Each id starts with an id in the first cell of a row, or is a -respawn variant."""
     page = (ROOT / "docs" / "choose.md").read_text("utf-8")
     cells = re.findall(r"^\| (`[^|]*)\|.*\|$", page.partition("## All families")[2], re.MULTILINE)
@@ -41,3 +41,8 @@ def test_the_table_of_families_is_complete():
     for name in jaxenstein.environment_ids():
         first = re.sub(r"-\d\d(-respawn)?$", "-01", name)
         assert any(first.startswith(row) for row in listed if not row.startswith("-")), name
+
+
+def test_pages_are_short():
+    pages = [page for page in PAGES if page.parent in (ROOT, ROOT / "docs")]
+    assert sum(page.stat().st_size for page in (*pages, ROOT / "CONTRIBUTING.md")) <= 110_000

@@ -20,19 +20,19 @@ def make(name: Any, **settings: Any) -> Any:
     return jaxenstein.make(name, **settings)
 
 
-def test_ids_are_those_of_the_catalogue():
+def test_ids_match_the_catalogue():
     assert jaxenstein.environment_ids() == tuple(ENTRIES)
     assert all(entry.family for entry in ENTRIES.values())
     assert not set(ALIASES) & set(ENTRIES)
 
 
 @pytest.mark.parametrize(("alias", "name"), ALIASES.items())
-def test_aliases_build_the_same(alias, name):
+def test_aliases_build_the_same_environment(alias, name):
     assert make(alias)[0] == make(name)[0]
     assert make(alias)[0].name == name
 
 
-def test_settings_of_some_environments_alone():
+def test_settings_of_only_some_environments():
     assert make("health-gathering", hud=True)[0].hud
     assert make("key-corridor-s3r3", layout_seed=3)[0].layout_seed == 3
     for name, own in (("key-door", "layout_seed"), ("simple", "hud")):
@@ -41,7 +41,7 @@ def test_settings_of_some_environments_alone():
 
 
 @pytest.mark.parametrize("name", jaxenstein.environment_ids())
-def test_every_id_builds_what_it_names(name):
+def test_every_id_builds_its_environment(name):
     env, params = make(name, height=5, width=7)
     assert (env.name, env.height, env.width) == (name, 5, 7)
     for leaf, default in zip(
@@ -82,7 +82,7 @@ def test_every_id_builds_what_it_names(name):
         ),
     ],
 )
-def test_numbers_of_the_tasks(name, horizon, discount, living):
+def test_default_params_of_the_tasks(name, horizon, discount, living):
     _, params = make(name)
     assert int(params.max_steps_in_episode) == horizon
     assert float(params.discount) == pytest.approx(discount)
@@ -104,18 +104,18 @@ def test_numbers_of_the_tasks(name, horizon, discount, living):
         ("maze.txt", "from_file, or --map-file on the command line"),
     ],
 )
-def test_unknown_ids_name_the_nearest(name, hint):
+def test_error_for_unknown_id_names_the_nearest(name, hint):
     with pytest.raises(jaxenstein.UnknownEnvironmentError, match=hint):
         make(name)
 
 
 @pytest.mark.parametrize("name", ["\x1b[2J", "two\nlines", 3])
-def test_names_are_texts_of_one_line(name):
+def test_names_are_one_line_strings(name):
     with pytest.raises(jaxenstein.SettingError, match="name must be one line of text, not"):
         jaxenstein.from_ascii("####\n#SG#\n####", name=name)
 
 
-def test_unknown_settings_name_the_nearest():
+def test_error_for_unknown_setting_names_the_nearest():
     with pytest.raises(jaxenstein.SettingError, match="'heigth', did you mean 'height'"):
         make("simple", heigth=3)
     with pytest.raises(jaxenstein.SettingError, match=r"params\.replace\(goal_reward="):
@@ -133,7 +133,7 @@ def test_unknown_settings_name_the_nearest():
         jaxenstein.from_ascii(MAP, headings=3)
 
 
-def test_all_settings_are_taken():
+def test_all_settings_are_accepted():
     given = {
         "height": 3,
         "width": 4,
@@ -154,7 +154,7 @@ def test_all_settings_are_taken():
     assert given.items() <= fields.items()
 
 
-def test_from_ascii_takes_names_regions_and_colours():
+def test_from_ascii_accepts_name_regions_and_colours():
     regions = "...\n.1.\n..."
     text = "###\n#S#\n#G#\n###"
     env, _ = jaxenstein.from_ascii(
@@ -172,7 +172,7 @@ def test_from_ascii_takes_names_regions_and_colours():
         jaxenstein.from_ascii(text, regions=regions)
 
 
-def test_lists_and_arrays_are_settings_as_tuples_are():
+def test_lists_and_arrays_work_like_tuples_in_settings():
     text, colours = "####\n#SG#\n####", [[1, 2, 3], [4, 5, 6]]
     env, params = jaxenstein.from_ascii(
         text, heading=[0, 90], floor=colours, ceiling=np.array([7, 8, 9]), height=8, width=8
@@ -187,13 +187,13 @@ def test_lists_and_arrays_are_settings_as_tuples_are():
             jaxenstein.from_ascii(text, heading=wrong)
 
 
-def test_map_errors_come_through_with_their_place():
+def test_map_errors_keep_their_position():
     with pytest.raises(jaxenstein.MapError, match="line 2, column 3") as caught:
         jaxenstein.from_ascii("####\n#S?G\n####")
     assert (caught.value.line, caught.value.column) == (2, 3)
 
 
-def test_a_map_file_is_read_with_what_lies_beside_it(tmp_path):
+def test_map_file_is_read_with_its_regions_and_faces(tmp_path):
     path = tmp_path / "maze.txt"
     path.write_text(f"{MAP}\n")
     env, params = jaxenstein.from_file(path, heading=90, height=8, width=8)
@@ -210,20 +210,20 @@ def test_a_map_file_is_read_with_what_lies_beside_it(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="of Unix")
-def test_a_map_file_without_end_is_not_read_to_its_end():
+def test_endless_map_file_is_not_read_to_its_end():
     with pytest.raises(MapError, match=r"the map /dev/zero: it has more than 16777216 characters"):
         jaxenstein.from_file("/dev/zero")
 
 
 @pytest.mark.parametrize("text", ["maze.txt", Path("maps/maze.txt")])
-def test_a_file_name_in_place_of_a_map_is_recognised(text):
+def test_file_name_in_place_of_a_map_is_recognised(text):
     with pytest.raises(MapError, match=r"maze\.txt' is a file name, use from_file to read it"):
         jaxenstein.from_ascii(text)
     with pytest.raises(MapError, match=r"^line 1, column 3: unknown symbol .\?.; the symbols are"):
         jaxenstein.from_ascii("#S?G")
 
 
-def test_an_environment_shows_itself_in_one_line():
+def test_repr_of_an_environment_is_one_line():
     env, _ = jaxenstein.make("my-way-home")
     assert repr(env) == "Navigation('my-way-home')"
     env, _ = jaxenstein.make("key-corridor-s3r1", height=32, observation="gray", autoreset=None)

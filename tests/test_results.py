@@ -1,4 +1,4 @@
-"""The file of results: what is written comes back, and what is wrong is told."""
+"""The file of results: round trips, and errors for wrong content."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def results(**changes: Any) -> Results:
     return Results(**{**given, **changes})
 
 
-def test_a_file_is_the_format_and_comes_back(tmp_path: Path) -> None:
+def test_file_has_the_format_and_round_trips(tmp_path: Path) -> None:
     several = [results(), results(actions=None, policy="another", names=("a", "b"))]
     write_results(tmp_path / "r.json", several)
     plain = json.loads((tmp_path / "r.json").read_text())
@@ -58,14 +58,14 @@ def test_a_file_is_the_format_and_comes_back(tmp_path: Path) -> None:
             np.testing.assert_array_equal(one, other)
 
 
-def test_a_map_in_a_file_is_built_again(tmp_path: Path) -> None:
+def test_map_in_a_file_is_rebuilt(tmp_path: Path) -> None:
     world = jaxenstein.from_ascii("####\n#SG#\n####", heading=0, height=8, width=8)
     results(environment=spec_of(*world)).save(tmp_path / "r.json")
     (read,) = read_results(tmp_path / "r.json")
     assert read.environment.build()[0] == spec_of(*world).build()[0]
 
 
-def test_the_best_run_has_the_highest_return_then_the_shortest_episodes() -> None:
+def test_best_run_has_highest_return_then_shortest_episodes() -> None:
     returns, names = np.ones((3, 2)), ("a", "b", "c")
     lengths = np.array([[9, 9], [3, 4], [5, 5]])
     given: dict[str, Any] = {"names": names, "lengths": lengths, "successes": lengths > 0}
@@ -74,7 +74,7 @@ def test_the_best_run_has_the_highest_return_then_the_shortest_episodes() -> Non
     assert results(returns=returns, **given).best == 2
 
 
-def test_a_summary_tells_means() -> None:
+def test_summary_shows_means() -> None:
     told = results(successes=np.ones((2, 3), bool)).summary()
     assert told.startswith("mine in simple: return 0.2667 (")
     assert told.endswith("success 100.0% (100.0% to 100.0%), 6 episodes")
@@ -104,12 +104,12 @@ def test_a_summary_tells_means() -> None:
         ({"policy": "a\nb"}, "policy must be one line of text"),
     ],
 )
-def test_wrong_parts_are_told(changes: dict[str, Any], message: str) -> None:
+def test_wrong_parts_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         results(**changes)
 
 
-def test_a_setting_that_is_no_json_is_told(tmp_path: Path) -> None:
+def test_setting_that_json_cannot_hold_is_refused(tmp_path: Path) -> None:
     odd = results(environment=Spec("my:Task", 0, {"way": max}, {}))
     with pytest.raises(SettingError, match="a setting of my:Task cannot be written as JSON"):
         odd.save(tmp_path / "r.json")
@@ -160,7 +160,9 @@ RUN = (*FIRST, "runs", "seed-1")
         (change(*RUN, "success", value=...), "the entry 'runs.seed-1.success' is missing"),
     ],
 )
-def test_spoilt_files_are_told(tmp_path: Path, spoil: Callable[[Any], None], message: str) -> None:
+def test_damaged_files_are_refused(
+    tmp_path: Path, spoil: Callable[[Any], None], message: str
+) -> None:
     file = tmp_path / "r.json"
     results().save(file)
     plain = copy.deepcopy(json.loads(file.read_text()))
@@ -171,9 +173,7 @@ def test_spoilt_files_are_told(tmp_path: Path, spoil: Callable[[Any], None], mes
     assert str(caught.value).startswith(f"{file}: ")
 
 
-def test_files_that_are_no_results_are_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_without_results_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "r.json"
     with pytest.raises(SettingError, match="cannot be read: no such file"):
         read_results(file)

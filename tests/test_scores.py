@@ -28,7 +28,7 @@ def as_lists(tasks: list[np.ndarray]) -> list[list[float]]:
 
 @pytest.mark.parametrize("runs", [[1], [7], [1] * 6, [5] * 4, [3, 3, 3], [1, 2, 4], [6, 10, 15, 4]])
 @pytest.mark.parametrize("seed", range(3))
-def test_statistics_are_those_of_the_definitions(runs: list[int], seed: int) -> None:
+def test_statistics_match_their_definitions(runs: list[int], seed: int) -> None:
     tasks = drawn(seed, runs)
     estimates = scores.aggregates(tasks, resamples=2)
     assert tuple(estimates) == NAMES
@@ -45,7 +45,7 @@ def test_statistics_are_those_of_the_definitions(runs: list[int], seed: int) -> 
     assert found.value == pytest.approx(right, abs=1e-12)
 
 
-def test_by_hand() -> None:
+def test_aggregates_match_hand_computation() -> None:
     # Eight scores: the two lowest and the two highest are left out.
     table = np.array([[0.0, 0.5], [0.25, 0.75], [1.0, 1.0], [3.0, 0.5]])
     assert scores.interquartile_mean(table) == (0.5 + 0.5 + 0.75 + 1) / 4
@@ -58,7 +58,7 @@ def test_by_hand() -> None:
     assert scores.probability_of_improvement(x, y).value == ((1 + 0.5) / 4 + 1) / 2
 
 
-def test_normalised_by_hand() -> None:
+def test_normalised_scores_match_hand_computation() -> None:
     returns = np.array([[-1.0, 0.0], [1.0, 4.0]])
     expected = [[0.0, 0.5], [1.0, 2.5]]
     np.testing.assert_array_equal(scores.normalised(returns, -1, 1), expected)
@@ -85,7 +85,7 @@ def test_scipy_agrees() -> None:
     assert found == pytest.approx(np.mean(chances), abs=1e-14)
 
 
-def test_an_array_is_the_list_of_its_columns() -> None:
+def test_array_equals_the_list_of_its_columns() -> None:
     table = np.random.default_rng(0).normal(size=(4, 3))
     columns = list(table.T)
     assert scores.aggregates(table) == scores.aggregates(columns)
@@ -94,7 +94,7 @@ def test_an_array_is_the_list_of_its_columns() -> None:
     )
 
 
-def test_so_many_different_numbers_of_runs_as_no_integer_holds() -> None:
+def test_huge_common_multiple_of_run_counts() -> None:
     tasks = [np.linspace(0, 1, runs) for runs in range(1, 50)]
     assert scores.mean(tasks) == pytest.approx(np.mean([task.mean() for task in tasks]))
     assert 0.4 < scores.interquartile_mean(tasks) < 0.6
@@ -107,7 +107,7 @@ def equally_likely(tasks: list[list[float]]) -> list[list[tuple[float, ...]]]:
 
 
 @pytest.mark.parametrize("tasks", [[THREE], [THREE, [0.5, 1.0]], [[0.0, 1.0], [0.1, 0.7], [3.0]]])
-def test_intervals_are_those_of_all_resamples(tasks: list[list[float]]) -> None:
+def test_intervals_match_all_resamples(tasks: list[list[float]]) -> None:
     """Resamples are a few values with known chances, and an end lies where 2.5 % are passed."""
     resamples = equally_likely(tasks)
     found = scores.aggregates([np.array(task) for task in tasks], resamples=20_000)
@@ -120,7 +120,7 @@ def test_intervals_are_those_of_all_resamples(tasks: list[list[float]]) -> None:
             assert least - 1e-9 <= end <= most + 1e-9
 
 
-def test_tasks_are_resampled_by_themselves() -> None:
+def test_each_task_is_resampled_separately() -> None:
     """Two runs of two tasks: if whole runs were drawn, the mean would always be 1/2."""
     crossed = scores.aggregates(np.array([[0.0, 1.0], [1.0, 0.0]]))["mean"]
     assert (crossed.low, crossed.high) == (0.0, 1.0)
@@ -128,7 +128,7 @@ def test_tasks_are_resampled_by_themselves() -> None:
     assert (equal.low, equal.high) == (0.5, 0.5)
 
 
-def test_the_band_of_a_profile_is_binomial() -> None:
+def test_profile_band_is_binomial() -> None:
     """Of ten runs six score above the threshold, and a resample has Binomial(10, 0.6) of them."""
     runs = np.array([0.0] * 4 + [1.0] * 6)[:, None]
     found = scores.profile(runs, [-1.0, 0.0, 0.5, 1.0], resamples=20_000)
@@ -145,14 +145,14 @@ def test_both_algorithms_are_resampled() -> None:
     assert (found.value, found.low, found.high) == (0.25, 0.0, 1.0)
 
 
-def test_ties_count_half() -> None:
+def test_ties_count_as_half() -> None:
     same = np.full((4, 3), 0.5)
     assert scores.probability_of_improvement(same, same) == scores.Estimate(0.5, 0.5, 0.5)
     x = drawn(0, [6, 5])
     assert scores.probability_of_improvement(x, x).value == 0.5
 
 
-def test_one_run_gives_points() -> None:
+def test_single_run_gives_points() -> None:
     table = np.array([[0.1, 0.9, 1.4, -0.3]])
     for estimate in scores.aggregates(table).values():
         assert estimate.low == pytest.approx(estimate.value, abs=1e-12)
@@ -172,7 +172,7 @@ def test_seeds() -> None:
     assert few != scores.aggregates(x)["mean"]
 
 
-def test_blocks_add_up_to_all_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_cover_all_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scores, "BLOCK", 7)
     table = np.stack(drawn(0, [5] * 4), axis=1)
     blocks = list(scores._Pool(list(table.T)).resampled(13, 0))
@@ -180,7 +180,7 @@ def test_blocks_add_up_to_all_resamples(monkeypatch: pytest.MonkeyPatch) -> None
     assert all((block.sum(axis=1) == 20).all() for block in blocks)
 
 
-def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
+def test_intervals_have_about_their_nominal_coverage() -> None:
     """Means of 3 tasks of 20 normal runs: percentile intervals hold it in 93 to 95 % of cases."""
     rng = np.random.default_rng(0)
     held = {"mean": 0, "interquartile_mean": 0, "chance": 0}

@@ -1,4 +1,4 @@
-"""Spaces contain what they sample, and nothing else."""
+"""Spaces contain their samples, and nothing else."""
 
 import functools
 from typing import Any
@@ -23,28 +23,28 @@ def sampled(space: Any) -> Any:
 @pytest.mark.parametrize(
     "space", [Discrete(5), BYTES, DEPTHS, Dict({"image": BYTES, "depth": DEPTHS})]
 )
-def test_samples_lie_in_the_space(space):
+def test_samples_are_in_the_space(space):
     samples = sampled(space)
     for i in range(50):
         assert space.contains(jax.tree.map(lambda leaf, i=i: leaf[i], samples))
 
 
-def test_samples_are_of_the_whole_range():
+def test_samples_cover_the_whole_range():
     assert set(sampled(Discrete(5)).tolist()) == set(range(5))
     assert (sampled(BYTES).min(), sampled(BYTES).max()) == (0, 255)
 
 
 @pytest.mark.parametrize("value", [5, -1, 1.0, [1], True])
-def test_what_discrete_does_not_contain(value):
+def test_discrete_does_not_contain_other_values(value):
     assert not Discrete(5).contains(value)
 
 
-def test_equal_spaces_are_one_key():
+def test_equal_spaces_hash_alike():
     spaces = {Dict({"a": BYTES, "b": DEPTHS}): 1, Dict({"b": DEPTHS, "a": BYTES}): 2, BYTES: 3}
     assert list(spaces.values()) == [2, 3]
 
 
-def test_what_a_box_does_not_contain():
+def test_box_does_not_contain_other_values():
     assert not BYTES.contains(np.zeros((2, 3), np.int32))
     assert not BYTES.contains(np.zeros((3, 2), np.uint8))
     assert not DEPTHS.contains(np.full(4, -1, np.float32))

@@ -47,7 +47,7 @@ def test_every_task_exists_in_its_version_and_has_references():
         assert ends.expert - ends.random > 10 * errors
 
 
-def test_both_suites_have_the_same_tasks_in_other_sizes():
+def test_both_suites_have_the_same_tasks_in_different_sizes():
     for task in suite.TASKS:
         small, large = (suite.SUITES[name].options(task) for name in ("small", "large"))
         assert (large.pop("height"), large.pop("width")) == (64, 64)
@@ -56,13 +56,13 @@ def test_both_suites_have_the_same_tasks_in_other_sizes():
     assert suite.SUITES["large"].total_steps == 10 * suite.SUITES["small"].total_steps
 
 
-def test_tasks_of_generalisation_are_tested_on_their_test_levels():
+def test_generalisation_tasks_are_tested_on_test_levels():
     task = next(task for task in suite.TASKS if task.split)
     sides = [getattr(suite.make(task.id, test=test)[0], "split") for test in (False, True)]  # noqa: B009
     assert sides == ["train", "test"]
 
 
-def test_wrong_names_are_told():
+def test_wrong_names_are_refused():
     with pytest.raises(
         SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; its tasks are sim"
     ):
@@ -71,12 +71,12 @@ def test_wrong_names_are_told():
         suite.make("t-maze", "medium")
 
 
-def test_results_are_put_in_the_order_of_the_benchmark(tmp_path):
+def test_results_are_sorted_in_benchmark_order(tmp_path):
     checked = suite.check_compared(compared(tmp_path, own_results()[::-1]), "small")
     assert [*checked["mine"]] == [task.id for task in suite.TASKS]
 
 
-def test_results_of_other_settings_are_refused(tmp_path):
+def test_results_with_other_settings_are_refused(tmp_path):
     results = own_results()
     with pytest.raises(SettingError, match=r"mine has no results for simple: .* needs all tasks"):
         suite.check_compared(compared(tmp_path, results[1:]), "small")
@@ -112,9 +112,9 @@ def test_scripted_players_are_evaluated(frame_skip):
         evaluate_player(env, params, "expart")
 
 
-def test_scripted_players_play_the_levels_of_the_split():
+def test_scripted_players_play_levels_of_the_split():
     env: Any
     env, params = jaxenstein.make("key-corridor-s3r1", split="test", height=8, width=8)
     first = evaluation._first(env, env.single_params(params), jax.random.key(0), 16)
     levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(first.state)
-    assert all(splits.is_of("test", 0.2, level) for level in np.asarray(levels))
+    assert all(splits.is_in_split("test", 0.2, level) for level in np.asarray(levels))

@@ -1,4 +1,4 @@
-"""Whatever a user may set refuses what its declaration excludes, by name.
+"""Everything that a user can set refuses values outside its declaration, by name.
 
 The values come from the declarations: those just beyond a range, and those of other forms. How
 messages are worded is in test_fields.py.
@@ -22,14 +22,14 @@ from jaxenstein import SettingError, registry
 from jaxenstein.fields import Domain, options_of
 from jaxenstein.settings import spec_from
 
-Enter = Callable[[str, Any], object]
+EnterValue = Callable[[str, Any], object]
 INT32 = np.iinfo(np.int32)
-# What takes any value, or is told by tests of its own.
-FREE = {"any", "text", "table"}
+# Forms that accept any value, or have their own tests.
+UNRESTRICTED = {"any", "text", "table"}
 
 
-def beyond(domain: Domain, *, array: bool) -> list[Any]:
-    """The values nearest to the range of numbers that are not in it."""
+def values_outside(domain: Domain, *, array: bool) -> list[Any]:
+    """The values just outside a range of numbers."""
     if domain.form == "whole":
         # Whole numbers are used in int32, unless their range says otherwise.
         least, most = domain.least, domain.most
@@ -44,7 +44,7 @@ def beyond(domain: Domain, *, array: bool) -> list[Any]:
 
 
 def wrong_values(domain: Domain, *, array: bool) -> list[Any]:
-    """Values that are none of a domain's; with `array`, of one whose values become arrays."""
+    """Values outside a domain; with `array`, a domain whose values become arrays."""
     of_numbers = [math.nan, math.inf, -math.inf, True, "4", [3.0], (2, 1)]
     values: dict[str, list[Any]] = {
         "whole": [1.5, *of_numbers],
@@ -58,12 +58,12 @@ def wrong_values(domain: Domain, *, array: bool) -> list[Any]:
     }  # fmt: skip
     found = values[domain.form]
     if domain.form in ("whole", "number"):
-        found = [*beyond(domain, array=array), *found]
+        found = [*values_outside(domain, array=array), *found]
     return found if domain.optional or None in domain.choices else [*found, None]
 
 
 def right_values(domain: Domain) -> list[Any]:
-    """The ends of a range of numbers, as int32 and float32 have them."""
+    """The ends of a range of numbers, in int32 and float32."""
     if domain.form == "whole":
         return [int(max(domain.least, INT32.min)), int(min(domain.most, INT32.max))]
     if domain.form != "number":
@@ -75,13 +75,15 @@ def right_values(domain: Domain) -> list[Any]:
 
 
 def domains(cls: type, names: Any = None) -> dict[str, Domain]:
-    """The fields of a class that have values to refuse."""
+    """The fields of a class that refuse some values."""
     found = {option.name: option.domain for option in options_of(cls, "", names)}
-    return {name: domain for name, domain in found.items() if domain.form not in FREE}
+    return {name: domain for name, domain in found.items() if domain.form not in UNRESTRICTED}
 
 
-def passed(fields: dict[str, Domain], enter: Enter, *, array: bool = False) -> list[Any]:
-    """The wrong values that are taken, or refused without the name of their field."""
+def accepted_values(
+    fields: dict[str, Domain], enter: EnterValue, *, array: bool = False
+) -> list[Any]:
+    """Wrong values that are accepted, or whose error does not name the field."""
     found = []
     for name, domain in fields.items():
         for value in wrong_values(domain, array=array):
@@ -94,17 +96,17 @@ def passed(fields: dict[str, Domain], enter: Enter, *, array: bool = False) -> l
     return found
 
 
-def check_numbers(fields: dict[str, Domain], enter: Enter) -> None:
-    """Wrong numbers are refused, and the ends of the ranges are taken."""
-    assert passed(fields, enter, array=True) == []
+def check_numbers(fields: dict[str, Domain], enter: EnterValue) -> None:
+    """Check that wrong numbers are refused and the ends of the ranges accepted."""
+    assert accepted_values(fields, enter, array=True) == []
     for name, domain in fields.items():
         for value in right_values(domain):
             enter(name, value)
 
 
 @functools.cache
-def of_each_class() -> dict[str, tuple[Any, Any]]:
-    """An environment and its params by id: one of each class, set of settings and params."""
+def one_of_each_class() -> dict[str, tuple[Any, Any]]:
+    """One environment and its params, by id, for each class, settings and params."""
     kinds = {}
     for id in jaxenstein.environment_ids():
         env, params = jaxenstein.make(id)
@@ -115,14 +117,14 @@ def of_each_class() -> dict[str, tuple[Any, Any]]:
 
 
 def test_settings_of_environments() -> None:
-    for id, (env, _) in of_each_class().items():
+    for id, (env, _) in one_of_each_class().items():
         fields = domains(type(env), registry.find(id)[1].settings)
         assert {"height", "observation", "look_seeds"} <= set(fields)
-        assert passed(fields, lambda n, v, id=id: jaxenstein.make(id, **{n: v})) == [], id
+        assert accepted_values(fields, lambda n, v, id=id: jaxenstein.make(id, **{n: v})) == [], id
 
 
 def test_params_of_environments() -> None:
-    for params in {type(params): params for _, params in of_each_class().values()}.values():
+    for params in {type(params): params for _, params in one_of_each_class().values()}.values():
         fields = domains(type(params))
         assert {"max_steps_in_episode", "discount"} <= set(fields)
         check_numbers(fields, lambda n, v, p=params: p.replace(**{n: v}))
@@ -136,10 +138,10 @@ def baselines() -> Any:
 
 def test_settings_of_trainings(baselines: Any) -> None:
     make = baselines.Config
-    assert passed(domains(make), lambda n, v: make(**{n: v})) == []
+    assert accepted_values(domains(make), lambda n, v: make(**{n: v})) == []
     whole = baselines.Experiment(spec_from({"env": "simple"}), make(), {}, (0,))
     fields = domains(baselines.Experiment, ["recipe", "network"])
-    assert passed(fields, lambda n, v: dataclasses.replace(whole, **{n: v})) == []
+    assert accepted_values(fields, lambda n, v: dataclasses.replace(whole, **{n: v})) == []
 
 
 def test_numbers_of_trainings(baselines: Any) -> None:
@@ -153,5 +155,5 @@ def test_options_of_bonuses(baselines: Any) -> None:
     config, hparams = baselines.Config, baselines.HParams
     for algo, row in known.items():
         settings, numbers = domains(row.options, row.settings), domains(row.options, row.numbers)
-        assert passed(settings, lambda n, v, a=algo: config(algo=a, bonus={n: v})) == []
+        assert accepted_values(settings, lambda n, v, a=algo: config(algo=a, bonus={n: v})) == []
         check_numbers(numbers, lambda n, v, a=algo: hparams(bonus={n: v}).check(a))

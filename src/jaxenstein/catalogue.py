@@ -113,8 +113,8 @@ def _grid(
 
 def _dmlab(kind: str, number: int, respawn: bool) -> Row:
     """A DeepMind Lab maze."""
-    goal = "goal and starts fixed" if kind == "static" else "a new goal cell each episode"
-    end = "+10, apples +1, respawns until time is up" if respawn else "+10 ends"
+    goal = "fixed goal and starts" if kind == "static" else "a new goal cell each episode"
+    end = "goal +10, apples +1, respawns until the time limit" if respawn else "goal +10, then ends"
     steps, discount = ((1800, 0.999), (4500, 0.9995), (9000, 0.9999))[number - 1]
     id = f"dmlab-{kind}-{number:02}{'-respawn' * respawn}"
     summary, params = f"DeepMind Lab's maze {number:02}: {goal}; {end}", {"discount": discount}
@@ -157,7 +157,7 @@ ROWS: tuple[Row, ...] = (
          "a corridor with a red key, a red locked door and the goal behind it", 300,
          layout="key-door", heading=0.0),
     _row("t-maze", "", "t-maze", "t_maze:t_maze",
-         "a key that soon disappears tells which arm pays: memory"),
+         "a key shows which arm pays, and soon disappears: memory"),
     *(_row("my-way-home", "", f"my-way-home{end}", "navigation:my_way_home", summary, 2100,
            {"discount": 0.999, "living_reward": -0.0001}, **fixed)
       for end, summary, fixed in (
@@ -207,7 +207,7 @@ ROWS: tuple[Row, ...] = (
           ("t-maze-left", "the same, always at the left end", 280, None),
           ("t-maze-right", "the same, always at the right end", 280, None),
           ("wall-gap", "MiniWorld: a red box behind a gap in a wall", 300, None),
-          ("sidewalk", "MiniWorld: a red box along a street that ends the episode", 150, None))),
+          ("sidewalk", "MiniWorld: a red box beside a street that ends the episode", 150, None))),
     *(_row("miniworld", "miniworld-hallway", f"miniworld-maze{end}", "miniworld.box_maze:BoxMaze",
            summary, steps, params, cells=cells)
       for end, summary, steps, cells, params in (
@@ -224,7 +224,7 @@ ROWS: tuple[Row, ...] = (
            {"time_cost": 0.0}),
           ("put-next", "objects:PutNext", "put the red box down beside the yellow one", 250,
            {"time_cost": 0.2}),
-          ("sign", "sign:Sign", "a sign out of sight tells which thing to go to", 0, None))),
+          ("sign", "sign:Sign", "a hidden sign shows the colour of the thing to touch", 0, None))),
     *(_grid(_KEY, "door-key-{size}x{size}", "doors:DoorKey", 10 * n**2,
             "a key, a locked door, and the goal behind it", size=n) for n in (5, 6, 8, 16)),
     _grid(_KEY, "four-rooms", "open_rooms:FourRooms", 100, "four rooms, start and goal anywhere"),
@@ -236,7 +236,7 @@ ROWS: tuple[Row, ...] = (
             rooms=rooms, room_size=size)
       for id, rooms, size in (("n2-s4", 2, 4), ("n4-s5", 4, 5), ("n6", 6, 10))),
     *(_grid(shown, f"{id}-crossing-s{n}n{count}", "open_rooms:Crossing", 4 * n**2,
-            f"{what} ({count}) to cross by gaps", size=n, crossings=count, obstacle=obstacle)
+            f"cross {what} ({count}) through gaps", size=n, crossings=count, obstacle=obstacle)
       for shown, id, obstacle, what in (
           (_LAVA, "lava", "lava", "streams of lava"), (_KEY, "simple", "wall", "walls"))
       for n, count in ((9, 1), (9, 2), (9, 3), (11, 5))),
@@ -259,18 +259,18 @@ ROWS: tuple[Row, ...] = (
             "pick up the box behind a locked door", blocked=blocked)
       for blocked, moves in ((False, 288), (True, 576))),
     *(_grid(_KEY, "key-corridor-s{room_size}r{room_rows}", "doors:KeyCorridorBall", 30 * n**2,
-            "key-corridor with its original aim: pick up the ball with empty hands", 1,
+            "key-corridor with its original goal: pick up the ball with empty hands", 1,
             room_size=n, room_rows=rows)
       for n, rows in ((3, 1), (3, 2), (3, 3), (4, 3), (5, 3), (6, 3))),
     *(_grid(_BOXES, f"obstructed-maze-{id}", "doors:ObstructedMaze", 144 * moves,
-            "a ball behind locked doors, keys in boxes: {hidden}, blocked doors: {blocked}",
+            "a ball behind locked doors; keys in boxes: {hidden}; doors blocked: {blocked}",
             quarters=quarters, start_aside=id[0] == "2", hidden=hidden, blocked=blocked)
       for id, moves, quarters, hidden, blocked in (
           ("1dl", 2, 0, False, False), ("1dlh", 2, 0, True, False), ("1dlhb", 2, 0, True, True),
           ("2dl", 4, 1, False, False), ("2dlh", 4, 1, True, False), ("2dlhb", 4, 1, True, True),
           ("1q", 5, 1, True, True), ("2q", 11, 2, True, True), ("full", 25, 4, True, True))),
     *(_grid(_KEY, f"memory-s{n}{'-random' * bool(length)}", "instructions:Memory", 5 * n**2,
-            "a thing in a room, and the same at one end of a junction: memory", size=n, **length)
+            "find the thing of the first room at one end of a junction: memory", size=n, **length)
       for length, sizes in (({}, (7, 9, 11, 13)), ({"random_length": True}, (13, 17)))
       for n in sizes),
     *(_grid(_ASKED, "fetch-{size}x{size}-n{objects}", "instructions:Fetch", 5 * n**2,

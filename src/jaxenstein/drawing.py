@@ -1,8 +1,8 @@
 """Episodes that draw some of their params from ranges, in compiled code.
 
-`Params.replace(turn_angle=(0.1, 0.4))` puts a range in the place of a number. The functions here do
-what `Environment` does, with params that may hold ranges and with states that keep what was drawn.
-The random key of a reset decides. Without ranges the results are those of the environment.
+`Params.replace(turn_angle=(0.1, 0.4))` replaces a number by a range. The functions here do what
+`Environment` does, for params that may hold ranges, and their states keep the drawn numbers. The
+key of a reset decides which. Without ranges, the results are those of the environment.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ P = TypeVar("P")
 
 
 class Drawn(PyTreeNode):
-    """A state, and the numbers that its episode drew.
+    """A state with the numbers that its episode drew.
 
     Attributes:
-        state: of the environment.
-        numbers: float32[] each, by the name of the param; empty without ranges.
+        state: the state of the environment.
+        numbers: the drawn params by name, float32[] each; empty without ranges.
     """
 
     state: Any
@@ -33,12 +33,12 @@ class Drawn(PyTreeNode):
 
     @property
     def time(self) -> jax.Array:
-        """That of the state."""
+        """The time of the state."""
         return self.state.time
 
     @property
     def done(self) -> jax.Array:
-        """That of the state."""
+        """Whether the episode of the state has ended."""
         return self.state.done
 
     def params(self, params: P) -> P:
@@ -47,24 +47,24 @@ class Drawn(PyTreeNode):
 
 
 def check_params(env: AnyEnvironment, params: Any = None) -> Any:
-    """As `Environment.check_params`, for params that may hold ranges."""
+    """Like `Environment.check_params`, for params that may hold ranges."""
     plain, ranges = split_ranges(params)
     return with_numbers(env.check_params(plain), ranges)
 
 
 def single_params(env: AnyEnvironment, params: Any = None) -> Any:
-    """As `Environment.single_params`, for params that may hold ranges."""
+    """Like `Environment.single_params`, for params that may hold ranges."""
     env.single_params(split_ranges(params)[0])
     return check_params(env, params)
 
 
 def undrawn(state: Any, params: P) -> tuple[Any, P]:
-    """A state that may be `Drawn` as one of the environment, and the params of its episode."""
+    """The state of the environment for a state that may be `Drawn`, and the episode's params."""
     return (state.state, state.params(params)) if isinstance(state, Drawn) else (state, params)
 
 
 def reset(env: AnyEnvironment, key: jax.Array, params: Any) -> tuple[Any, Any]:
-    """As `Environment.reset`; the state is `Drawn` if there are ranges."""
+    """Like `Environment.reset`; the state is `Drawn` if there are ranges."""
     if not ranges_of(params):
         return env.reset(key, params)
     drawn = first_state(env, key, params)
@@ -74,7 +74,7 @@ def reset(env: AnyEnvironment, key: jax.Array, params: Any) -> tuple[Any, Any]:
 def step(
     env: AnyEnvironment, key: jax.Array, state: Any, action: Any, params: Any
 ) -> tuple[Any, Any, jax.Array, jax.Array, jax.Array, Info]:
-    """As `Environment.step`; the state is `Drawn` if there are ranges."""
+    """Like `Environment.step`; the state is `Drawn` if there are ranges."""
     if not ranges_of(params):
         return env.step(key, state, action, params)
     step_key, reset_key = jax.random.split(key)
@@ -89,7 +89,7 @@ def step(
 def advance(
     env: AnyEnvironment, key: jax.Array, state: Any, action: Any, params: Any
 ) -> tuple[Any, jax.Array, jax.Array, Info]:
-    """As `Environment.advance`; the state is `Drawn` if there are ranges."""
+    """Like `Environment.advance`; the state is `Drawn` if there are ranges."""
     before, own = undrawn(state, params)
     after, reward, terminated, info = env.advance(key, before, action, own)
     if isinstance(state, Drawn):
@@ -98,7 +98,7 @@ def advance(
 
 
 def first_state(env: AnyEnvironment, key: jax.Array, params: Any) -> Drawn:
-    """Draw the numbers of an episode, and its first state."""
+    """Draw the numbers of an episode and its first state."""
     plain, ranges = split_ranges(params)
     numbers, key = draw_numbers(ranges, key)
     return Drawn(env.first_state(key, with_numbers(plain, numbers)), numbers)
@@ -110,7 +110,7 @@ def observe(env: AnyEnvironment, drawn: Drawn, params: Any) -> Any:
 
 
 def describe(env: AnyEnvironment, drawn: Drawn, params: Any) -> Info:
-    """What `info` says of a state."""
+    """The entries of `info` for a state."""
     return env.describe(drawn.state, drawn.params(params))
 
 
@@ -122,7 +122,7 @@ def outcome(
     action: Any,
     params: Any,
 ) -> Outcome[Any]:
-    """As `outcome_of`; both states of the outcome are `Drawn`."""
+    """Like `outcome_of`; both states of the outcome are `Drawn`."""
     plain, ranges = split_ranges(params)
     if not ranges or env.autoreset is None:
         out = outcome_of(env, step_key, reset_key, drawn.state, action, drawn.params(plain))

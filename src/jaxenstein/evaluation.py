@@ -375,7 +375,7 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
     hint = ", such as jnp.argmax(logits)"
     if remembers:
         if not isinstance(returned, tuple) or len(returned) != 2:
-            raise SettingError(f"{call} must return (carry, action), not {_told(returned)}")
+            raise SettingError(f"{call} must return (carry, action), not {_shapes_of(returned)}")
         after, returned = returned
         _check_carry(carry, after)
     elif isinstance(returned, tuple):
@@ -384,7 +384,7 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
     if leaf is None or leaf.shape != () or not jnp.issubdtype(leaf.dtype, jnp.integer):
         raise SettingError(
             f"the action of {call} must be one whole number of shape (){hint}, "
-            f"not {_told(returned)}"
+            f"not {_shapes_of(returned)}"
         )
     return carry
 
@@ -422,14 +422,14 @@ def _check_carry(carry: Any, after: Any) -> None:
         if (leaf.shape, leaf.dtype) != (new.shape, new.dtype):
             raise SettingError(
                 f"the carry must keep its shapes and dtypes: carry{jax.tree_util.keystr(path)} "
-                f"starts as {_told(leaf)}, but the policy returns {_told(new)}"
+                f"starts as {_shapes_of(leaf)}, but the policy returns {_shapes_of(new)}"
             )
 
 
-def _told(tree: Any) -> str:
+def _shapes_of(tree: Any) -> str:
     """The shapes and dtypes of a pytree in words, such as `float32[3]`."""
     if isinstance(tree, jax.ShapeDtypeStruct):
         return f"{tree.dtype}{list(tree.shape)}"
     if isinstance(tree, tuple | list):
-        return f"({', '.join(map(_told, tree))})"
+        return f"({', '.join(map(_shapes_of, tree))})"
     return repr(tree) if tree is None else f"a {type(tree).__name__}"

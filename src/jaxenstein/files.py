@@ -69,7 +69,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
         try:
             yield temporary
             temporary.chmod(_default_mode())
-            _bring_to_disk(temporary)
+            _fsync(temporary)
             os.replace(temporary, path)
         finally:
             with contextlib.suppress(OSError):
@@ -171,7 +171,7 @@ def make_folder(path: str | Path) -> Path:
     return path
 
 
-def _bring_to_disk(path: Path) -> None:
+def _fsync(path: Path) -> None:
     with path.open("r+b") as file:
         os.fsync(file.fileno())
 

@@ -1,4 +1,4 @@
-"""Images of the user's own for walls, floor, ceiling and things: the setting `textures`."""
+"""Images of your own for walls, floor, ceiling and things: the setting `textures`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .errors import SettingError, nearest, quoted
 from .files import reason_of
 
 SUFFIXES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".webp")
-"""Of files that are images; a folder may hold others."""
+"""Suffixes of image files; other files of a folder are ignored."""
 MOST_SIDE = 128
-"""The most texels of a side; larger images are made smaller."""
+"""The maximum side of a texture in texels; larger images are resized."""
 LARGEST_SIDE = 4096
-"""The most pixels of a side of an image that is read."""
+"""The maximum side in pixels of an image that can be read."""
 
 
 class Picture(NamedTuple):
@@ -29,7 +29,7 @@ class Picture(NamedTuple):
 
     Attributes:
         pixels: uint8[height, width, 4] in RGBA, both sides a power of two up to `MOST_SIDE`.
-        shape: width over height of the image as it was given.
+        shape: the aspect ratio, width over height, of the original image.
     """
 
     pixels: np.ndarray
@@ -38,12 +38,12 @@ class Picture(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Images:
-    """Images by name; equal if all are, wherever they come from.
+    """Images by name. Two objects are equal if their images are, wherever those come from.
 
     Attributes:
-        digest: of names and images.
-        folder: where they were read, a whole path; None for arrays.
-        pictures: the images by the names that were given.
+        digest: a digest of names and images.
+        folder: the absolute path of the folder they were read from; None for arrays.
+        pictures: the images by name.
     """
 
     digest: str
@@ -51,7 +51,7 @@ class Images:
     pictures: Mapping[str, Picture] = dataclasses.field(compare=False, repr=False)
 
     def of_labels(self) -> dict[int, Picture]:
-        """The image of each label that has one; a name of a single label goes before others."""
+        """The image of each label that has one; the most specific name takes precedence."""
         labels = labels_of_names()
         found: dict[int, Picture] = {}
         for name in sorted(self.pictures, key=lambda name: -len(labels[name])):
@@ -60,9 +60,9 @@ class Images:
 
 
 def labels_of_names() -> dict[str, tuple[int, ...]]:
-    """The labels that an image of each name is for: one, or several of a kind.
+    """The labels to which an image of each name applies: one, or several of a kind.
 
-    `wall` is for all walls, `door` for all doors, and `key` for keys of all colours.
+    `wall` applies to all walls, `door` to all doors, and `key` to keys of all colours.
     """
     from .maps.symbols import DOOR_LABELS, LABEL_NAMES, WALL_LABELS, label_name
     from .maps.things import THING_OF
@@ -78,15 +78,15 @@ def labels_of_names() -> dict[str, tuple[int, ...]]:
 
 
 def read_images(given: Any) -> Images:
-    """The images of a folder, or of a table of names with arrays.
+    """Read the images of a folder, or of a dict from names to arrays.
 
     Args:
         given: the path of a folder with files such as `wall.png` and `red-key.png`; or a mapping
-            from names such as "wall" to arrays uint8[height, width, 3 or 4]; or `Images`.
+            from names such as `"wall"` to arrays uint8[height, width, 3 or 4]; or `Images`.
 
     Raises:
-        SettingError: it is something else; a name is unknown; an image cannot be read, or has a
-            side of more than `LARGEST_SIDE` pixels.
+        SettingError: the argument is something else, a name is unknown, or an image cannot be read
+            or has a side of more than `LARGEST_SIDE` pixels.
     """
     if isinstance(given, Images):
         return given
@@ -133,7 +133,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _known(name: Any, where: str) -> str:
-    """The name of labels that is meant; files may have hyphens for blanks."""
+    """The known name; hyphens and underscores count as spaces."""
     known = {_folded(one): one for one in labels_of_names()}
     if isinstance(name, str) and _folded(name) in known:
         return known[_folded(name)]
@@ -149,7 +149,7 @@ def _folded(name: str) -> str:
 
 
 def _read(file: Path) -> np.ndarray:
-    """uint8[height, width, 4]: the image of a file."""
+    """Read uint8[height, width, 4] from a file."""
     from PIL import Image
 
     try:
@@ -160,7 +160,7 @@ def _read(file: Path) -> np.ndarray:
                 return np.asarray(image.convert("RGBA"))
     except SettingError:
         raise
-    # Pillow's decoders raise what they like for damaged files.
+    # Pillow's decoders raise many types of errors for damaged files.
     except Exception as error:
         raise SettingError(
             f"textures: {quoted(str(file))} cannot be read as an image ({error})"
@@ -168,7 +168,7 @@ def _read(file: Path) -> np.ndarray:
 
 
 def _array(name: str, given: Any) -> np.ndarray:
-    """uint8[height, width, 4]: the image of an array."""
+    """Check an array, and add alpha: uint8[height, width, 4]."""
     found = hasattr(given, "__array__")
     array: np.ndarray = np.asarray(given) if found else np.zeros(0)
     if array.ndim != 3 or array.shape[-1] not in (3, 4) or array.dtype != np.uint8:
@@ -193,7 +193,7 @@ def _check_size(height: int, width: int, what: str) -> None:
 
 
 def _picture(rgba: np.ndarray, what: str) -> Picture:
-    """An image with sides of a power of two; what is transparent has no part in what is not."""
+    """Resize an image to powers of two; transparent pixels do not blend into opaque ones."""
     from PIL import Image
 
     height, width = rgba.shape[:2]
@@ -222,5 +222,5 @@ def _digest(pictures: Mapping[str, Picture]) -> str:
 
 
 def power_of_two(value: float) -> float:
-    """The power of two that is nearest by ratio."""
+    """The nearest power of two, by ratio."""
     return 2.0 ** round(math.log2(value))

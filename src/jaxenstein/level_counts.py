@@ -91,11 +91,11 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
 
 def _check_split(env: Any) -> None:
     """Raise if a side has no levels; with `levels`, only check the side of `env.split`."""
-    from .tasks.splits import is_of
+    from .tasks.splits import is_in_split
 
     levels, fraction = _drawn(_bare(env)), float(env.test_fraction)
     sides = ("train", "test") if env.level_range is None else (env.split,)
-    empty = [side for side in sides if not np.any(is_of(side, fraction, levels.T))]
+    empty = [side for side in sides if not np.any(is_in_split(side, fraction, levels.T))]
     if not empty:
         return
     different = len(np.unique(levels, axis=0))

@@ -1,4 +1,4 @@
-"""What no member of a batch needs is not computed."""
+"""Computations that no member of a batch needs are skipped."""
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ NEEDS = [np.zeros((2, 3), bool), np.array([[0, 0, 0], [0, 1, 0]], bool), np.ones
 @pytest.mark.parametrize("where", [where_any, where_few])
 @pytest.mark.parametrize("needed", NEEDS, ids=["none", "one", "all"])
 @pytest.mark.parametrize("axes", [((0, 0), (0, 0)), ((0, None), (0, 0)), ((0, 0), (None, 0))])
-def test_right_where_it_is_needed(where, needed, axes) -> None:
+def test_function_is_right_where_needed(where, needed, axes) -> None:
     def function(key, x):
         return {"drawn": jax.random.uniform(key), "twice": (x * 2, x > 1)}
 
@@ -41,8 +41,8 @@ def test_right_where_it_is_needed(where, needed, axes) -> None:
     jax.tree.map(np.testing.assert_array_equal, nested(chosen), nested(plain))
 
 
-def test_where_any_skips_what_nobody_needs() -> None:
-    """On the CPU: the function would divide by nothing but zeros, and must not be called."""
+def test_where_any_skips_unneeded_calls() -> None:
+    """On the CPU, the function must not be called."""
     called = []
 
     def function(x):
@@ -61,7 +61,7 @@ def test_where_any_skips_what_nobody_needs() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
-def test_where_few_brings_together_the_few_of_many(share: float) -> None:
+def test_where_few_gathers_the_needed_members(share: float) -> None:
     """More than one round, the last of them not full."""
     rng = np.random.default_rng(5)
     needed = jnp.asarray(rng.random(101) < share)
@@ -74,13 +74,13 @@ def test_where_few_brings_together_the_few_of_many(share: float) -> None:
     chosen = np.asarray(needed)
     np.testing.assert_array_equal(twice[chosen], 2 * x[chosen])
     np.testing.assert_array_equal(total[chosen], y.sum(axis=1)[chosen])
-    # What is not needed is never computed, so it stays as it was made.
+    # Unneeded results are never computed, so they keep their initial values.
     assert not np.asarray(twice)[~chosen].any()
 
 
 @pytest.mark.parametrize("shape", [(), (3,)])
-def test_by_most_runs_what_the_neediest_member_needs(shape: tuple[int, ...]) -> None:
-    """On the CPU; a branch says by what it adds which one it is."""
+def test_by_most_runs_as_often_as_the_neediest_member_needs(shape: tuple[int, ...]) -> None:
+    """On the CPU; each branch adds its own number."""
     offset = jnp.float32(0.5)
     run = by_most([lambda x, i=i: x + offset + 10 * i for i in range(3)])
     x = jnp.arange(8, dtype=jnp.float32).reshape(4, 2)
@@ -94,8 +94,8 @@ def test_by_most_runs_what_the_neediest_member_needs(shape: tuple[int, ...]) -> 
     assert run(jnp.full(shape, 1, jnp.int32), x[0, 1]) == 11.5
 
 
-def test_by_own_runs_what_each_member_needs() -> None:
-    """Also of a batch of batches, of which the inner one shares an argument; and of none."""
+def test_by_own_runs_as_often_as_each_member_needs() -> None:
+    """Also for nested batches that share an argument, and for an empty batch."""
     offset = jnp.float32(0.5)
     run = by_own([lambda x, y, i=i: x * y + offset + 10 * i for i in range(3)])
     needed = jnp.asarray(np.random.default_rng(3).integers(0, 3, (4, 5)), jnp.int32)
@@ -129,8 +129,8 @@ def _repeated(needed, x):
     lambda needed, x: staged(lambda x: TABLE[x % 11] * needed.astype(jnp.int32))(x),
     _repeated,
 ], ids=["where_any", "where_few", "by_most", "by_own", "staged", "repeat"])  # fmt: skip
-def test_inside_a_choice_that_differs_within_the_batch(run, nested: bool) -> None:
-    """`lax.cond` makes a batch of all arrays in its branches, also of those closed over."""
+def test_inside_cond_with_batched_predicate(run, nested: bool) -> None:
+    """`lax.cond` batches all arrays in its branches, including those they close over."""
 
     def choose(chosen, needed, x):
         return lax.cond(chosen, run, lambda needed, x: x - 1, needed, x)

@@ -1,4 +1,4 @@
-"""Trees in words: what comes back is what went in, bit for bit, on the device and on the host."""
+"""Trees packed into words come back bit for bit, on the device and on the host."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def assert_same_bits(one: Any, other: Any) -> None:
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
-def test_all_types_come_back() -> None:
+def test_round_trip_of_all_types() -> None:
     trees = [tree_of(seed) for seed in range(ROWS)]
     packing = Packing(lambda: trees[0])
     rows = jnp.stack([jax.jit(packing.pack)(tree) for tree in trees])
@@ -47,15 +47,28 @@ def test_all_types_come_back() -> None:
         assert_same_bits(jax.tree.map(lambda leaf, i=i: np.array(leaf[i]), read), tree)
 
 
-def test_what_is_read_belongs_to_the_caller() -> None:
+def test_read_one_returns_the_first_row_of_read() -> None:
     packing = Packing(lambda: tree_of(0))
     rows = packing.pack(tree_of(0))[None]
-    for leaf in jax.tree.leaves(packing.read(rows)):
-        leaf[...] = 0
+    one = packing.read_one(rows)
+    assert_same_bits(
+        jax.tree.map(np.asarray, one), jax.tree.map(lambda a: a[0], packing.read(rows))
+    )
+    scalars = [leaf for leaf in jax.tree.leaves(one) if not np.shape(leaf)]
+    assert all(isinstance(leaf, bool | np.generic) for leaf in scalars)
+
+
+def test_read_returns_a_copy() -> None:
+    packing = Packing(lambda: tree_of(0))
+    rows = packing.pack(tree_of(0))[None]
+    for read in (packing.read, packing.read_one):
+        for leaf in jax.tree.leaves(read(rows)):
+            if np.shape(leaf):
+                leaf[...] = 0
     assert_same_bits(packing.unpack(rows[0]), tree_of(0))
 
 
-def test_wide_numbers_come_back() -> None:
+def test_round_trip_of_wide_numbers() -> None:
     with enable_x64(True):
         tree = {"pi": jnp.float64(np.pi), "far": jnp.array([-(2**40), 7], jnp.int64)}
         packing = Packing(lambda: tree)
@@ -63,10 +76,11 @@ def test_wide_numbers_come_back() -> None:
         assert_same_bits(packing.unpack(row), tree)
         assert packing.read(row[None])["pi"].item() == np.pi
         assert packing.read(row[None])["far"].tolist() == [[-(2**40), 7]]
+        assert packing.read_one(row[None])["pi"] == np.pi
 
 
 @pytest.mark.parametrize("kind", ["threefry2x32", "rbg"])
-def test_random_keys_come_back(kind: str) -> None:
+def test_round_trip_of_random_keys(kind: str) -> None:
     keys = jax.random.split(jax.random.key(5, impl=kind), 2)
     packing = Packing(lambda: {"keys": keys})
     back = packing.unpack(packing.pack({"keys": keys}))["keys"]

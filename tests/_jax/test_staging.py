@@ -70,7 +70,7 @@ def test_under_vmap_of_some_arguments(axes) -> None:
     same(jax.vmap(staged(stage), axes)(*args), jax.vmap(stage, axes)(*args))
 
 
-def test_a_batch_of_none() -> None:
+def test_empty_batch() -> None:
     same(jax.jit(jax.vmap(staged(stage)))(*inputs(0)), jax.vmap(stage)(*inputs(0)))
     looped_none = jax.vmap(looped)(jnp.zeros(0, jnp.int32), jnp.zeros(0, jnp.int32))
     assert [leaf.shape for leaf in looped_none] == [(0,), (0,)]
@@ -111,7 +111,7 @@ def test_inside_scan_and_vmap() -> None:
     same(loop(staged(stage)), loop(stage))
 
 
-def test_of_a_batch_of_one_and_odd_witnesses() -> None:
+def test_batch_of_one_with_special_floats() -> None:
     """The results must not depend on the value that the predicate is taken from."""
     for value in (0.0, -1e30, float("inf"), float("-inf"), float("nan")):
         x = jnp.full((1, 2), value, jnp.float32)
@@ -150,7 +150,7 @@ def test_nothing_is_fused_through_a_stage(still: str) -> None:
     assert "f32[4,16,8]" not in cosine, "the stage is computed for each pixel"
 
 
-def test_stages_may_follow_each_other() -> None:
+def test_stages_can_follow_each_other() -> None:
     double, add = staged(lambda x: x * 2), staged(lambda x, y: x + y)
     x = jnp.arange(6, dtype=jnp.float32).reshape(3, 2)
     run = jax.jit(jax.vmap(lambda v: add(double(v), double(v + 1))))
@@ -166,7 +166,7 @@ def add_up(i, carry, constants):
 
 
 def loops(own, weight):
-    """What `add_up` should give, in numpy."""
+    """The expected result of `add_up`, in NumPy."""
     own, weight = np.broadcast_arrays(own, weight)
     return own * (own + 1) // 2 * weight, own
 
@@ -186,14 +186,14 @@ def test_repeat_alone(rounds: int) -> None:
 
 
 def test_repeat_under_nested_vmaps() -> None:
-    """Bounds, carries and constants batched apart from each other, to two depths."""
+    """Bounds, carries and constants batched separately, two levels deep."""
     nested = jax.jit(jax.vmap(jax.vmap(looped), (0, None)))
     np.testing.assert_array_equal(nested(OWN, WEIGHT), loops(OWN, WEIGHT))
     weights = jax.jit(jax.vmap(looped, (None, 0)))
     np.testing.assert_array_equal(weights(jnp.int32(4), WEIGHT), loops(4, WEIGHT))
 
 
-def test_repeat_goes_as_often_as_the_longest_needs() -> None:
+def test_repeat_runs_as_often_as_the_longest_member_needs() -> None:
     def count(i, carry, constants):
         return carry + 1
 

@@ -1,4 +1,4 @@
-"""What the tests of several adapters need."""
+"""Fixtures for the tests of several adapters."""
 
 from collections.abc import Iterator
 

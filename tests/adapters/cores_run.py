@@ -1,4 +1,4 @@
-"""Run by test_batch.py on two simulated devices: a spread batch beside one on a single device."""
+"""Run by test_batch.py: compare a batch on two simulated devices with one on a single device."""
 
 from typing import Any
 from unittest import mock
@@ -20,10 +20,15 @@ COUNT, STEPS = 6, 12
 env, params = make_crowd()
 assert jax.device_count() == 2
 assert Batch(env, params, COUNT + 1)._mesh is None
-own = params.replace(move_distance=np.linspace(0.3, 0.6, COUNT, dtype=np.float32))
-modes: tuple[tuple[Autoreset, Any], ...] = (("same-step", own), ("next-step", params))
+params_per_environment = params.replace(
+    move_distance=np.linspace(0.3, 0.6, COUNT, dtype=np.float32)
+)
+modes: tuple[tuple[Autoreset, Any], ...] = (
+    ("same-step", params_per_environment),
+    ("next-step", params),
+)
 # Where params lie does not matter.
-far = jax.device_put(env.check_params(params), jax.devices()[1])
+params_on_second_device = jax.device_put(env.check_params(params), jax.devices()[1])
 for mode, given in modes:
     rng = np.random.default_rng(0)
     there = jax.device_put(env.check_params(given), jax.devices()[1])
@@ -44,8 +49,10 @@ for mode, given in modes:
             np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-6, atol=1e-6)
         ended += int((one.terminated | one.truncated).sum())
     assert ended > 0
-mixed = far.replace(discount=jax.device_put(np.float32(0.5), jax.devices()[0]))
-Batch(env, mixed, COUNT, spread=False).reset(0)
+params_on_two_devices = params_on_second_device.replace(
+    discount=jax.device_put(np.float32(0.5), jax.devices()[0])
+)
+Batch(env, params_on_two_devices, COUNT, spread=False).reset(0)
 with pytest.raises(jaxenstein.SettingError, match="already in use"):
     jaxenstein.use_cores(1)
 print("equal")

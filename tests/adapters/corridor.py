@@ -16,7 +16,7 @@ CROWD = "#######\n#S.rGG#\n#SS...#\n#######"
 
 
 def make_crowd(**settings: Any) -> tuple[Any, Any]:
-    """A room in which the episodes of a batch end apart."""
+    """A room in which the episodes of a batch end at different times."""
     env, params = jaxenstein.from_ascii(CROWD, height=8, width=12, **settings)
     return env, params.replace(move_distance=0.5, goal_radius=1.2, max_steps_in_episode=9)
 

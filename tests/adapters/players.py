@@ -1,4 +1,4 @@
-"""Every adapter behind one interface, for the tests of what all of them must do."""
+"""Every adapter behind one interface, for tests of their common contract."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from jaxenstein.adapters.batch import Batch
 
 
 class Step(NamedTuple):
-    """A step of N environments: what to act on next, and the last observations by index."""
+    """A step of N environments: the observations to act on, and the last ones by index."""
 
     obs: Any
     reward: Any
@@ -26,12 +26,12 @@ class Step(NamedTuple):
 
 
 class Player:
-    """N environments; `of` is the adapter, or a list of those that have one environment each."""
+    """N environments; `of` is the adapter, or a list of adapters with one environment each."""
 
     of: Any
 
     def changed(self, change: Callable[[Any], Any]) -> Any:
-        """The same player of what a function makes of the adapter, such as a copy."""
+        """The same player with a changed adapter, such as a copy."""
         other = copy.copy(self)
         several = isinstance(self.of, list)
         other.of = [change(one) for one in self.of] if several else change(self.of)
@@ -160,7 +160,7 @@ class GymnaxPlayer(Player):
 
 
 class StoaPlayer(Player):
-    """Stoa's interface with resets of its own, mapped over a batch."""
+    """Stoa's interface with its own resets, mapped over a batch."""
 
     def __init__(self, env: Any, params: Any, count: int) -> None:
         pytest.importorskip("stoa")

@@ -1,4 +1,4 @@
-"""The batch beside a loop over single environments, and what callers may rely on."""
+"""The batch compared with a loop over single environments, and its contract."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MODES = ("same-step", "next-step", None)
 
 @pytest.fixture(scope="module")
 def made() -> tuple[Any, Any]:
-    """Chance moves obstacles in every step, and places everything at every reset."""
+    """Obstacles move at random in every step, and a reset places everything at random."""
     settings: dict[str, Any] = {"observation": "dict", "height": 8, "width": 8}
     env, params = jaxenstein.make("minigrid-dynamic-obstacles-6x6", **settings)
     return env, params.replace(max_steps_in_episode=9)
@@ -38,7 +38,7 @@ def batch_of(made: Any, mode: Any = "same-step") -> Any:
     return Batch(made[0], made[1], COUNT, autoreset=mode)
 
 
-def told_of(observation: Any, reward: Any, ends: Any, info: Any) -> dict[str, Any]:
+def step_record(observation: Any, reward: Any, ends: Any, info: Any) -> dict[str, Any]:
     ends = tuple(map(bool, ends))
     return {"observation": observation, "reward": float(reward), "ends": ends, "info": info}
 
@@ -66,12 +66,12 @@ class Loop:
     def step(self, i: int, action: int) -> dict[str, Any]:
         if self.mode == "next-step" and self.over[i]:
             observation, info = self.reset(i)
-            return told_of(observation, 0.0, (False, False), info)
+            return step_record(observation, 0.0, (False, False), info)
         used = self.draw(i)
         out = self.env.step(used, self.states[i], np.int32(action), self.params)
         observation, self.states[i], reward, terminated, truncated, info = out
         self.over[i] = bool(terminated | truncated)
-        told = told_of(observation, reward, (terminated, truncated), info)
+        told = step_record(observation, reward, (terminated, truncated), info)
         if self.mode == "same-step" and self.over[i]:
             told["last"] = observation, info
             told["observation"], told["info"] = self.reset(i)
@@ -129,7 +129,7 @@ def test_equals_a_loop_over_single_environments(made: Any, mode: Any) -> None:
         reached += np.asarray(out.terminated).sum()
     assert reached > 0
     assert mode != "same-step" or len(together) > 3
-    # What was handed out stays as it is.
+    # Returned arrays do not change.
     np.testing.assert_array_equal(views, copies)
 
 
@@ -152,7 +152,7 @@ def compare(out: Any, told: list[dict[str, Any]]) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_each_environment_may_have_its_own_params(mode: Any) -> None:
+def test_each_environment_can_have_its_own_params(mode: Any) -> None:
     env, params = make_crowd(heading=(-10.0, 10.0))
     speeds, limits = np.array([0.3, 0.5, 0.7], np.float32), np.array([4, 9, 6])
     own = params.replace(move_distance=speeds, max_steps_in_episode=limits)
@@ -175,7 +175,7 @@ def test_each_environment_may_have_its_own_params(mode: Any) -> None:
             for i in (0, 2):
                 assert_same(at((observation, info), i), loops[i].reset(0))
     assert (ended > 0).all()
-    # All pictures at once are those of each.
+    # The images of all environments equal those of each one.
     dim = dataclasses.replace(env, observation="gray")
     for i, image in enumerate(np.asarray(batch.observe(dim))):
         np.testing.assert_array_equal(image, dim.observe(at(batch.states, i), params))
@@ -189,14 +189,14 @@ def test_each_environment_may_have_its_own_params(mode: Any) -> None:
         ({"turn_angle": [0.1] * 3, "goal_radius": [1.0]}, r"goal_radius must have .* not \(1,\)"),
     ],
 )
-def test_params_of_another_number_of_environments(changes: Any, message: str) -> None:
+def test_params_for_wrong_number_of_environments(changes: Any, message: str) -> None:
     env, params = make_crowd()
     wrong = params.replace(**{name: np.array(value) for name, value in changes.items()})
     with pytest.raises(jaxenstein.SettingError, match=message):
         Batch(env, wrong, 3)
 
 
-def test_more_than_a_block_of_episodes_end_at_once(made: Any) -> None:
+def test_more_episodes_than_a_block_end_at_once(made: Any) -> None:
     batch = batch_of(made)
     batch.reset(0)
     idle = np.zeros(COUNT, np.int32)
@@ -208,7 +208,7 @@ def test_more_than_a_block_of_episodes_end_at_once(made: Any) -> None:
     assert not np.asarray(batch.states.done).any()
 
 
-def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_step_draws_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     env, params = jaxenstein.from_ascii(CROWD, height=5, width=6)
     drawn = []
     observe = Navigation.observe
@@ -232,7 +232,7 @@ def test_frames_are_drawn_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(drawn) == 1
 
 
-def test_batches_spread_over_cores() -> None:
+def test_batch_spreads_over_cores() -> None:
     run_with_devices(2, "-m", "tests.adapters.cores_run")
 
 
@@ -264,7 +264,7 @@ gymnasium.make_vec(
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks here")
-def test_a_forked_process_says_what_to_do_and_does_not_hang() -> None:
+def test_forked_process_gives_advice_and_does_not_hang() -> None:
     """Gymnasium makes one environment before it forks, so that JAX has run."""
     pytest.importorskip("gymnasium")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

@@ -56,7 +56,7 @@ class Native:
 
 @pytest.fixture(scope="module")
 def played() -> Any:
-    """What resets show, and forty times actions with what `Native.step` gives for each."""
+    """The observations of resets, and forty actions with the results of `Native.step`."""
     natives = [Native(*make_corridor()) for _ in range(N)]
     first = [native.reset() for native in natives]
     rng, steps = np.random.default_rng(0), []
@@ -75,7 +75,7 @@ def played() -> Any:
 
 
 @pytest.mark.parametrize("player", PLAYERS)
-def test_steps_and_ends_are_those_of_the_environment(player: Any, played: Any) -> None:
+def test_steps_and_episode_ends_match_the_environment(player: Any, played: Any) -> None:
     ours, (first, steps) = player(*make_corridor(), N), played
     np.testing.assert_array_equal(ours.reset(0), first)
     for actions, wanted in steps:
@@ -97,7 +97,7 @@ def make_chance() -> tuple[Any, Any]:
 
 @functools.cache
 def first_frame(seed: int, calls: int) -> np.ndarray:
-    """What a reset shows after so many steps and resets of a stream: by keys alone."""
+    """The observation of a reset after a number of steps and resets of a stream, from its keys."""
     env, params = make_chance()
     key = jax.random.fold_in(jax.random.key(seed % 2**32), seed // 2**32)
     for _ in range(calls):
@@ -110,7 +110,7 @@ LARGE = 2**32 + 7, 2**33 + 7, 2**64 - N
 
 @pytest.mark.parametrize("player", STREAMS)
 def test_seeds(player: Any) -> None:
-    """Of each environment its own, the number after that of the one before; then streams go on."""
+    """Environments get consecutive seeds; without a seed their streams continue."""
     ours = player(*make_chance(), N)
     for seed in (7, 8, *LARGE, 7):
         for calls, given in enumerate((seed, None, None)):
@@ -122,15 +122,15 @@ def test_seeds(player: Any) -> None:
 
 
 @pytest.mark.parametrize("player", STREAMS)
-def test_without_a_seed_chance_decides(player: Any) -> None:
+def test_reset_without_seed_is_random(player: Any) -> None:
     both = [player(*make_chance(), N) for _ in range(2)]
     one, other = ([np.asarray(ours.reset(None)) for _ in range(3)] for ours in both)
     assert (np.array(one) != np.array(other)).any()
 
 
 @pytest.mark.parametrize("player", MASKED)
-def test_seeds_and_resets_of_some(player: Any) -> None:
-    """Each one's stream goes on, whatever the others do; seeds of those left alone are ignored."""
+def test_seeds_and_resets_of_some_environments(player: Any) -> None:
+    """Each stream continues independently of the others; seeds of unmasked ones are ignored."""
     ours = player(*make_chance(), N)
     ours.reset(np.array([7, 20, 9]))
     wanted = first_frame(30, 0), first_frame(20, 1), first_frame(9, 0)
@@ -146,7 +146,7 @@ def test_seeds_and_resets_of_some(player: Any) -> None:
 
 
 @pytest.mark.parametrize("player", MASKED)
-def test_wrong_masks_are_named(player: Any) -> None:
+def test_error_names_wrong_mask(player: Any) -> None:
     ours = player(*make_chance(), N)
     with pytest.raises(SettingError, match="the first reset must reset all"):
         ours.reset(None, np.arange(N) == 1)
@@ -160,8 +160,8 @@ CHANGES = (copy.deepcopy, lambda adapter: pickle.loads(pickle.dumps(adapter)))
 
 
 @pytest.mark.parametrize("player", STREAMS)
-def test_copies_go_on_as_the_original(player: Any) -> None:
-    """In the middle of an episode, and into episodes that the stream decides."""
+def test_copies_continue_like_the_original(player: Any) -> None:
+    """From the middle of an episode, and into episodes drawn from the stream."""
     ours = player(*make_chance(), N)
     ours.reset(5)
     ours.step(IDLE)
@@ -178,7 +178,7 @@ def test_copies_go_on_as_the_original(player: Any) -> None:
 
 
 @pytest.mark.parametrize("player", FUNCTIONS)
-def test_copies_of_functions_are_of_the_same_environment(player: Any) -> None:
+def test_copies_of_functions_keep_the_environment(player: Any) -> None:
     ours = player(*make_corridor(), N)
     for change in CHANGES:
         other = ours.changed(change).of
@@ -189,7 +189,7 @@ def test_copies_of_functions_are_of_the_same_environment(player: Any) -> None:
 
 
 def plain(array: Any) -> np.ndarray:
-    """The same memory for NumPy, where it may."""
+    """A NumPy view of the same memory, if possible."""
     return array.numpy() if hasattr(array, "numpy") else np.asarray(array)
 
 
@@ -201,7 +201,7 @@ def arrays(out: Step) -> list[Any]:
 
 
 @pytest.mark.parametrize("player", STREAMS)
-def test_what_was_handed_out_never_changes_and_is_never_read(player: Any) -> None:
+def test_returned_arrays_never_change_and_are_never_read(player: Any) -> None:
     """Later steps and resets do not change it, and steps do not read what callers write to it."""
     made = make_corridor()
     written, clean = player(*made, N), player(*made, N)
@@ -228,7 +228,7 @@ def test_what_was_handed_out_never_changes_and_is_never_read(player: Any) -> Non
 
 
 @pytest.mark.parametrize("player", STREAMS)
-def test_wrong_seeds_are_named_and_begin_nothing(player: Any) -> None:
+def test_wrong_seed_raises_before_any_reset(player: Any) -> None:
     ours = player(*make_corridor(), N)
     for seed in (-1, 1.5, 2**64):
         with pytest.raises(Exception, match=r"[Ss]eed"):
@@ -238,7 +238,7 @@ def test_wrong_seeds_are_named_and_begin_nothing(player: Any) -> None:
 
 
 @pytest.mark.parametrize("player", STREAMS)
-def test_wrong_actions_are_named_and_do_nothing(player: Any) -> None:
+def test_wrong_action_raises_and_changes_nothing(player: Any) -> None:
     ours = player(*make_corridor(), N)
     first = plain(ours.reset(0)).copy()
     wrong = [np.zeros(N), np.zeros(N, bool), np.zeros((N, 1), int), [0] * 9]
@@ -259,7 +259,7 @@ def test_wrong_actions_are_named_and_do_nothing(player: Any) -> None:
             np.testing.assert_array_equal(out.obs, first)
             if out.last:
                 np.testing.assert_array_equal([*out.last.values()], first)
-    # Now nothing but the time may have passed.
+    # Only time may have passed.
     for t in range(3):
         out = ours.step(np.full(N, FORWARD))
         assert [float(reward) for reward in out.reward] == [float(t == 2)] * N
@@ -269,13 +269,13 @@ def test_wrong_actions_are_named_and_do_nothing(player: Any) -> None:
     "player", [one for one in PLAYERS if one not in (*FUNCTIONS, SinglePlayer)]
 )
 @pytest.mark.parametrize("count", [0, True, 2.0])
-def test_wrong_numbers_of_environments_are_named(player: Any, count: Any) -> None:
+def test_error_names_wrong_number_of_environments(player: Any, count: Any) -> None:
     with pytest.raises(SettingError, match="num_envs must be a whole number >= 1"):
         player(*make_corridor(), count)
 
 
 @pytest.mark.parametrize("player", PLAYERS)
-def test_wrong_params_are_named(player: Any) -> None:
+def test_error_names_wrong_param(player: Any) -> None:
     with pytest.raises(SettingError, match="must be a NavigationParams"):
         player(make_corridor()[0], jaxenstein.make("health-gathering")[1], N)
 
@@ -294,7 +294,7 @@ WRONG_SETTINGS: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize("player", BY_ID)
-def test_wrong_ids_and_settings_are_named(player: Any) -> None:
+def test_error_names_wrong_id_or_setting(player: Any) -> None:
     for settings, what in WRONG_SETTINGS:
         with pytest.raises(SettingError, match=what):
             player("simple", None, N, **settings)
@@ -316,7 +316,7 @@ def functional(name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", ["gymnax", "stoa"])
-def test_environments_that_do_not_fit_are_named(name: str) -> None:
+def test_error_names_unsuitable_environment(name: str) -> None:
     adapt, (env, params) = functional(name), make_corridor()
     with pytest.raises(SettingError, match=r"needs an environment with .*autoreset='same-step'"):
         adapt(dataclasses.replace(env, autoreset="next-step"), params)
@@ -326,11 +326,11 @@ def test_environments_that_do_not_fit_are_named(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["gymnax", "stoa"])
 @pytest.mark.parametrize("last", [False, True])
-def test_a_step_draws_one_frame_and_one_more_for_the_last(
+def test_step_draws_one_frame_and_another_for_final_observation(
     monkeypatch: pytest.MonkeyPatch, name: str, last: bool
 ) -> None:
     env, params = make_corridor()
-    # A name of its own, so that nothing traced before is used again.
+    # A unique name, so that no earlier trace is reused.
     env = dataclasses.replace(env, name=f"counted-{name}-{last}", final_observation=last)
     adapted, _ = functional(name)(env, params)
     key = jax.random.key(0)

@@ -65,11 +65,11 @@ COUNT_IDS = "print(sum(id.startswith('jaxenstein/') for id in gymnasium.registry
         "import gymnasium; gymnasium.make('jaxenstein:jaxenstein/simple-v0')",
     ],
 )
-def test_registered_whichever_is_imported_first(imports: str) -> None:
+def test_ids_are_registered_in_either_import_order(imports: str) -> None:
     assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids() | vizdoom_ids()))
 
 
-def test_ids_name_what_they_build_with_its_version() -> None:
+def test_gymnasium_ids_include_the_version() -> None:
     ids = gymnasium_ids()
     assert {"jaxenstein/my-way-home-v0", "jaxenstein/key-corridor-s4r3-v0"} <= set(ids)
     assert set(ids.values()) == set(jaxenstein.environment_ids())
@@ -93,7 +93,7 @@ CHECKED = [
     ("name", "kind"),
     [*CHECKED[:3], *(pytest.param(*case, marks=pytest.mark.slow) for case in CHECKED[3:])],
 )
-def test_gymnasiums_check(name: str, kind: str) -> None:
+def test_gymnasium_env_checker_passes(name: str, kind: str) -> None:
     """Warnings are errors here, so that there are none."""
     env = gymnasium.make(f"jaxenstein/{name}-v0", observation=kind, **SMALL)
     env_checker.check_env(env.unwrapped, skip_render_check=True)
@@ -107,7 +107,7 @@ def test_gymnasiums_check(name: str, kind: str) -> None:
 
 @pytest.mark.parametrize("id", list(gymnasium_ids()))
 def test_every_id_is_made_with_its_spaces(id: str) -> None:
-    """Nothing is compiled here: the environments themselves have tests of their own."""
+    """Nothing is compiled here: the environments have their own tests."""
     env = gymnasium.make(id, **SMALL)
     assert env.spec is not None
     assert env.spec.id == id
@@ -115,7 +115,7 @@ def test_every_id_is_made_with_its_spaces(id: str) -> None:
     assert env.observation_space.contains(env.observation_space.sample())
 
 
-def test_warnings_of_gymnasium_are_seen() -> None:
+def test_gymnasium_warnings_are_shown() -> None:
     """Makes sure that the checks above can fail."""
     env = gymnasium.make("jaxenstein/simple-v0", **SMALL)
     env.reset()
@@ -123,7 +123,7 @@ def test_warnings_of_gymnasium_are_seen() -> None:
         assert env.render() is None
 
 
-def test_values_are_gymnasiums(env: Any) -> None:
+def test_returned_values_have_gymnasium_types(env: Any) -> None:
     observation, info = env.reset(seed=1)
     assert type(observation) is np.ndarray
     assert (observation.shape, observation.dtype) == ((12, 16, 3), np.uint8)
@@ -139,7 +139,7 @@ def test_values_are_gymnasiums(env: Any) -> None:
     assert told.keys() > info.keys()
 
 
-def test_gymnasiums_generator_decides_on_a_first_reset_without_a_seed(made: Any) -> None:
+def test_first_reset_without_seed_uses_gymnasium_generator(made: Any) -> None:
     keys = []
     for _ in range(2):
         env = adapter.GymnasiumEnv(*made)
@@ -149,7 +149,7 @@ def test_gymnasiums_generator_decides_on_a_first_reset_without_a_seed(made: Any)
     np.testing.assert_array_equal(*keys)
 
 
-def test_the_time_limit_is_the_environments(made: Any) -> None:
+def test_time_limit_is_set_by_the_environment(made: Any) -> None:
     native, params = made
     env = adapter.GymnasiumEnv(native, params.replace(max_steps_in_episode=3))
     env.reset(seed=1)
@@ -177,7 +177,7 @@ def test_stepping_out_of_order(made: Any) -> None:
 
 
 @pytest.mark.parametrize("action", ["1", None, [1], np.array([1])])
-def test_actions_that_are_no_numbers(env: Any, action: Any) -> None:
+def test_non_numeric_actions(env: Any, action: Any) -> None:
     env.reset(seed=1)
     with pytest.raises(gymnasium.error.InvalidAction, match="action must be"):
         env.step(action)
@@ -197,7 +197,7 @@ def test_settings_and_params_by_name() -> None:
         *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("rgb", "gray", "labels")),
     ],
 )
-def test_frames_are_in_colours_whatever_the_observation(made: Any, kind: str) -> None:
+def test_render_is_in_colour_for_every_observation_kind(made: Any, kind: str) -> None:
     """The frame of every kind is the observation of the kind rgb."""
     env = adapter.GymnasiumEnv(
         dataclasses.replace(made[0], observation=kind), made[1], render_mode="rgb_array"
@@ -213,19 +213,19 @@ def test_frames_are_in_colours_whatever_the_observation(made: Any, kind: str) ->
     assert frame.flags.writeable
 
 
-def test_collected_frames(made: Any) -> None:
+def test_rgb_array_list_collects_frames(made: Any) -> None:
     env = gymnasium.make("jaxenstein/simple-v0", render_mode="rgb_array_list", **SMALL)
     env.reset(seed=1)
     env.step(0)
     assert [frame.shape for frame in env.render()] == [(12, 16, 3)] * 2
 
 
-def test_a_window_shows_what_happens(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_human_mode_shows_frames_in_a_window(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(adapter.Interface, "render_fps", 1000)
     with warnings.catch_warnings():
-        # pygame itself uses what Python is going to drop.
+        # pygame uses deprecated Python features.
         warnings.simplefilter("ignore", DeprecationWarning)
         env = adapter.GymnasiumEnv(*made, render_mode="human")
         env.reset(seed=1)
@@ -242,7 +242,7 @@ def test_a_window_shows_what_happens(made: Any, monkeypatch: pytest.MonkeyPatch)
     env.close()
 
 
-def test_a_window_without_pygame(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_human_mode_without_pygame(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     env = adapter.GymnasiumEnv(*made, render_mode="human")
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "pygame", None)

@@ -1,4 +1,4 @@
-"""The vector environment beside Gymnasium's own vector of single environments."""
+"""The vector environment compared with Gymnasium's vector of single environments."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def made() -> tuple[Any, Any]:
 
 
 def both(made: Any, mode: Any) -> tuple[Any, Any]:
-    """Ours, and Gymnasium's."""
+    """Our vector environment and Gymnasium's."""
     make = functools.partial(single.GymnasiumEnv, *made, render_mode="rgb_array")
     sync = gymnasium.vector.SyncVectorEnv([make] * COUNT, autoreset_mode=mode)
     ours = vector.GymnasiumVectorEnv(*made, COUNT, autoreset_mode=mode, render_mode="rgb_array")
@@ -61,7 +61,7 @@ def some_actions(rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_equals_gymnasiums_vector_of_single_environments(made: Any, mode: Any) -> None:
+def test_equals_gymnasium_vector_of_single_environments(made: Any, mode: Any) -> None:
     ours, theirs = both(made, mode)
     assert ours.metadata["autoreset_mode"] is mode
     for name in ("observation_space", "action_space"):
@@ -92,8 +92,8 @@ def test_equals_gymnasiums_vector_of_single_environments(made: Any, mode: Any) -
     assert ends[2] > 3
 
 
-def test_equals_at_once_after_all_ended_together(made: Any) -> None:
-    """Then no environment has events to tell, and Gymnasium leaves their entries out."""
+def test_equals_gymnasium_after_all_episodes_end_together(made: Any) -> None:
+    """No environment has events then, and Gymnasium leaves out their entries."""
     for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
         ours, theirs = both(made, mode)
         assert_same(ours.reset(seed=1), theirs.reset(seed=1))
@@ -103,7 +103,7 @@ def test_equals_at_once_after_all_ended_together(made: Any) -> None:
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_statistics_of_gymnasium_are_the_environments(made: Any, mode: Any) -> None:
+def test_gymnasium_statistics_match_the_environment(made: Any, mode: Any) -> None:
     ours, _ = both(made, mode)
     env = gymnasium.wrappers.vector.RecordEpisodeStatistics(ours)
     version = tuple(int(part) for part in gymnasium.__version__.split(".")[:2])
@@ -156,7 +156,7 @@ def test_make_vec() -> None:
     assert envs.closed
 
 
-def test_params_of_each(made: Any) -> None:
+def test_params_per_environment(made: Any) -> None:
     limits = made[1].replace(max_steps_in_episode=np.array([2, 9]))
     envs = vector.GymnasiumVectorEnv(made[0], limits, 2, max_episode_steps=4)
     assert envs.params.max_steps_in_episode.tolist() == [2, 4]
@@ -169,7 +169,7 @@ def test_params_of_each(made: Any) -> None:
         vector.GymnasiumVectorEnv("simple", num_envs=3, goal_reward=rewards, **SMALL)
 
 
-def test_max_episode_steps_only_shortens(made: Any) -> None:
+def test_max_episode_steps_only_shortens_the_limit(made: Any) -> None:
     for limit, wanted in ((2, 2), (20, 9)):
         envs = vector.GymnasiumVectorEnv(*made, COUNT, max_episode_steps=limit)
         envs.reset(seed=1)
@@ -177,7 +177,7 @@ def test_max_episode_steps_only_shortens(made: Any) -> None:
         assert ends == [[False] * COUNT] * (wanted - 1) + [[True] * COUNT]
 
 
-def test_max_episode_steps_counts_the_agents_steps() -> None:
+def test_max_episode_steps_counts_agent_steps() -> None:
     env, params = make_crowd(frame_skip=2)
     envs = vector.GymnasiumVectorEnv(env, params, COUNT, max_episode_steps=3)
     envs.reset(seed=1)
@@ -199,7 +199,7 @@ def test_observations_are_not_copied(made: Any) -> None:
         assert all(view.flags.writeable and view.flags.owndata for view in observation.values())
 
 
-def test_options_are_left_as_they_are(made: Any) -> None:
+def test_reset_does_not_change_options(made: Any) -> None:
     envs, _ = both(made, AutoresetMode.DISABLED)
     env = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
     env.reset(seed=1)
@@ -244,15 +244,15 @@ def test_wrong_arguments(arguments: dict[str, Any], what: str) -> None:
         vector.GymnasiumVectorEnv("simple", **arguments)
 
 
-def test_rendering_without_a_mode(made: Any) -> None:
+def test_rendering_without_render_mode(made: Any) -> None:
     envs = vector.GymnasiumVectorEnv(*made, COUNT)
     envs.reset(seed=1)
     with pytest.warns(UserWarning, match="without a render mode"):
         assert envs.render() is None
 
 
-def test_a_step_takes_no_states_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """That is for whoever asks for them: outside of compiled code it takes milliseconds."""
+def test_step_does_not_unstack_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unstacking outside compiled code takes milliseconds, so it happens only on demand."""
     envs = vector.GymnasiumVectorEnv("simple", num_envs=2, height=4, width=4)
     envs.reset(seed=0)
     monkeypatch.setattr(Batch, "_streams", lambda batch: pytest.fail("states were taken apart"))
@@ -260,7 +260,7 @@ def test_a_step_takes_no_states_apart(monkeypatch: pytest.MonkeyPatch) -> None:
         envs.step(np.zeros(2, np.int32))
 
 
-def test_numbers_of_numpy_are_as_those_of_python() -> None:
+def test_numpy_numbers_work_like_python_numbers() -> None:
     envs = vector.GymnasiumVectorEnv(
         "simple", num_envs=np.int64(2), max_episode_steps=np.int64(3), height=np.int64(4), width=4
     )

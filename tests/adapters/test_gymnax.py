@@ -1,4 +1,4 @@
-"""The gymnax adapter beside gymnax itself, of either contract, and its clients."""
+"""The gymnax adapter with gymnax itself, of either contract, and its clients."""
 
 # The partner is an extra, which need not be there to check the types.
 # pyright: reportMissingImports=false
@@ -18,7 +18,7 @@ import jaxenstein
 pytest.importorskip("gymnax")
 pytestmark = [
     pytest.mark.usefixtures("plain_frames"),
-    # Raised inside of gymnax and of what it imports.
+    # Raised inside gymnax and its imports.
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(gymnax|gymnasium|flax|chex|distrax).*"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(jaxopt|tensorflow_probability).*"),
 ]
@@ -30,7 +30,7 @@ from gymnax.wrappers import purerl  # noqa: E402
 from jaxenstein.adapters import gymnax as adapter  # noqa: E402
 from tests.adapters.corridor import FORWARD, MAP, SIZE  # noqa: E402
 
-SIX = adapter.STEP_VALUES == 6
+SIX_VALUES = adapter.STEP_VALUES == 6
 LEFT = 0
 
 
@@ -46,14 +46,14 @@ def made() -> tuple[Any, Any]:
 def split(values: tuple[Any, ...]) -> tuple[Any, Any, Any, Any, Any, dict[str, Any]]:
     """A step's values as observation, state, reward, terminated, truncated, info."""
     obs, state, reward, *ends, info = values
-    assert len(ends) == (2 if SIX else 1)
-    if SIX:
+    assert len(ends) == (2 if SIX_VALUES else 1)
+    if SIX_VALUES:
         return obs, state, reward, *ends, info
     np.testing.assert_array_equal(ends[0], info["terminated"] | info["truncated"])
     return obs, state, reward, info["terminated"], info["truncated"], info
 
 
-def test_the_contract_is_that_of_the_gymnax_installed(made: tuple[Any, Any]) -> None:
+def test_contract_matches_installed_gymnax(made: tuple[Any, Any]) -> None:
     theirs, their_params = gymnax.make("Catch-bsuite")
     with jax.numpy_dtype_promotion("standard"):
         _, state = theirs.reset(jax.random.key(0), their_params)
@@ -69,7 +69,7 @@ def test_the_contract_is_that_of_the_gymnax_installed(made: tuple[Any, Any]) -> 
     assert missing <= {"rows", "columns", "render"}  # of Catch alone
 
 
-def test_spaces_are_those_of_gymnax() -> None:
+def test_spaces_are_gymnax_spaces() -> None:
     env, params = adapter.make("key-door", **SIZE)
     assert type(env.action_space(params)) is spaces.Discrete
     assert env.action_space(params).n == env.num_actions == 5
@@ -84,7 +84,7 @@ def test_spaces_are_those_of_gymnax() -> None:
     assert all(isinstance(space, spaces.Space) for space in many.spaces.values())
 
 
-def test_params_are_a_dataclass_with_gymnax_name_of_the_horizon(made: tuple[Any, Any]) -> None:
+def test_params_are_a_dataclass_with_max_steps_in_episode(made: tuple[Any, Any]) -> None:
     env, params = made
     names = {field.name for field in dataclasses.fields(env.default_params)}
     assert "max_steps_in_episode" in names
@@ -97,7 +97,7 @@ def test_params_are_a_dataclass_with_gymnax_name_of_the_horizon(made: tuple[Any,
 
 
 @pytest.mark.parametrize("new_key", [jax.random.key, jax.random.PRNGKey])
-def test_a_step_is_that_of_the_environment(made: tuple[Any, Any], new_key: Any) -> None:
+def test_step_matches_the_environment(made: tuple[Any, Any], new_key: Any) -> None:
     env, params = made
     obs, state = env.reset(new_key(3), params)
     expected_obs, _ = env.env.reset(new_key(3), params)
@@ -121,7 +121,7 @@ def walk(env: Any, params: Any, action: int, steps: int) -> list[tuple[Any, ...]
     return out
 
 
-def test_ends_are_told_apart_by_the_discount(made: tuple[Any, Any]) -> None:
+def test_discount_separates_termination_from_truncation(made: tuple[Any, Any]) -> None:
     env, params = made
     steps = walk(env, params, FORWARD, 40)
     first = next(i for i, step in enumerate(steps) if step[3])
@@ -132,7 +132,7 @@ def test_ends_are_told_apart_by_the_discount(made: tuple[Any, Any]) -> None:
     assert (bool(both[3]), bool(both[4]), float(both[5]["discount"])) == (True, True, 0)
 
 
-def test_steps_without_resets_and_the_questions_of_states(made: tuple[Any, Any]) -> None:
+def test_step_env_and_terminal_queries(made: tuple[Any, Any]) -> None:
     env, params = made
     obs, state = env.reset_env(jax.random.key(0), params)
     end, info = False, {}
@@ -151,9 +151,9 @@ def test_steps_without_resets_and_the_questions_of_states(made: tuple[Any, Any])
     _, state, _, end, info = env.step_env(jax.random.key(0), state, LEFT, tight)
     assert info["truncated"]
     assert not info["terminated"]
-    assert bool(end) is not SIX
+    assert bool(end) is not SIX_VALUES
     assert env.is_truncated(state, tight)
-    assert bool(env.is_terminal(state, tight)) is not SIX
+    assert bool(env.is_terminal(state, tight)) is not SIX_VALUES
     assert env.discount(state, tight) == 1
 
 
@@ -182,7 +182,7 @@ def test_equal_environments_compile_once() -> None:
 
 
 @pytest.mark.usefixtures("partner_promotion")
-def test_log_wrapper_counts_what_info_says() -> None:
+def test_log_wrapper_agrees_with_info() -> None:
     """In a scan over a batch with old keys, as in purejaxrl, which keeps all of `info`."""
     env, params = adapter.from_env(*corridor())
     logged = purerl.LogWrapper(env)
@@ -195,7 +195,7 @@ def test_log_wrapper_counts_what_info_says() -> None:
 
     keys = jax.random.split(jax.random.PRNGKey(0), 30)
     first = jax.vmap(logged.reset, (0, None))(keys[:2], params)[1]
-    # gymnax 0.0.9 begins with Python numbers, which are no carry of a scan.
+    # gymnax 0.0.9 starts with Python numbers, which a scan cannot carry.
     info = jax.jit(lambda s: jax.lax.scan(play, jax.tree.map(jnp.asarray, s), keys))(first)[1]
     ends = np.asarray(info["returned_episode"])
     assert (ends.sum(axis=0) >= 2).all()
@@ -208,13 +208,13 @@ def test_log_wrapper_counts_what_info_says() -> None:
 @pytest.mark.usefixtures("partner_promotion")
 def test_flatten_observation_wrapper() -> None:
     # That of gymnax 1.x flattens the last frame as well, and so needs it.
-    env, params = adapter.from_env(*corridor(final_observation=SIX))
+    env, params = adapter.from_env(*corridor(final_observation=SIX_VALUES))
     flat = purerl.FlattenObservationWrapper(env)
     obs, state = flat.reset(jax.random.key(0), params)
     assert obs.shape == flat.observation_space(params).shape == (12 * 16 * 3,)
     after, *_, info = flat.step(jax.random.key(0), state, LEFT, params)
     assert after.shape == obs.shape
-    if SIX:
+    if SIX_VALUES:
         assert info["final_observation"].shape == obs.shape
         bare = purerl.FlattenObservationWrapper(adapter.from_env(*corridor())[0])
         with pytest.raises(KeyError, match="final_observation"):
@@ -222,7 +222,7 @@ def test_flatten_observation_wrapper() -> None:
 
 
 @pytest.mark.usefixtures("partner_promotion")
-@pytest.mark.skipif(not SIX, reason="of gymnax 1.x")
+@pytest.mark.skipif(not SIX_VALUES, reason="of gymnax 1.x")
 def test_wrappers_of_gymnax_1() -> None:
     wrappers = __import__("gymnax.wrappers", fromlist=["LegacyStepAPIWrapper"])
     env, params = adapter.from_env(*corridor(final_observation=True))
@@ -244,7 +244,7 @@ def test_wrappers_of_gymnax_1() -> None:
 
 @pytest.mark.usefixtures("partner_promotion")
 def test_gym_wrappers_of_gymnax() -> None:
-    """They make deep copies and put functions of their own on them."""
+    """They make deep copies and replace functions of the copies."""
     from gymnax.wrappers import gym
 
     env, params = adapter.from_env(*corridor())
@@ -263,7 +263,7 @@ def test_gym_wrappers_of_gymnax() -> None:
 
 ROLLOUT = {"num_steps": 8, "num_epochs": 2, "num_minibatches": 2, "normalize_observations": True}
 REPLAY = {"buffer_size": 512, "fill_buffer": 40, "batch_size": 32, "num_epochs": 2, "gamma": 0.5}
-# Of each algorithm: what it sees, its settings, and the networks that it trains.
+# For each algorithm: its observations, its settings, and the networks that it trains.
 REJAX = {
     "PPO": ("rgb", ROLLOUT | {"max_grad_norm": 0.5}, ("actor_ts", "critic_ts")),
     "DQN": ("depth", REPLAY | {"exploration_fraction": 0.5, "polyak": 0.5}, ("q_ts",)),

@@ -18,7 +18,7 @@ import pytest
         ("torch", "torch", "PyTorch is not installed"),
     ],
 )
-def test_a_missing_partner_is_named_with_its_extra(
+def test_error_names_missing_package_and_extra(
     monkeypatch: pytest.MonkeyPatch, name: str, partner: str, needed: str
 ) -> None:
     monkeypatch.setitem(sys.modules, partner, None)

@@ -1,4 +1,4 @@
-"""Params from ranges in every adapter, beside episodes that are put together by hand."""
+"""Params from ranges in every adapter, compared with episodes assembled by hand."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ IDLE = np.zeros(N, np.int32)
 
 
 def make_ranged() -> tuple[Any, Any, Any]:
-    """The environment, its params without ranges, and with them."""
+    """The environment, and its params without and with ranges."""
     env, usual = make_crowd()
     usual = usual.replace(max_steps_in_episode=LIMIT)
     return env, usual, usual.replace(**RANGES)
@@ -47,7 +47,7 @@ class DrawingLoop(Loop):
 
 
 @pytest.mark.parametrize("mode", ["same-step", "next-step", None])
-def test_every_episode_of_a_batch_has_numbers_of_its_own(mode: Any) -> None:
+def test_each_episode_of_a_batch_draws_its_own_params(mode: Any) -> None:
     env, usual, ranged = make_ranged()
     limits = np.array([4, 6, 9])
     batch = Batch(env, ranged.replace(max_steps_in_episode=limits), N, autoreset=mode)
@@ -77,7 +77,7 @@ def test_every_episode_of_a_batch_has_numbers_of_its_own(mode: Any) -> None:
 
 
 def numbers_of(seed: int, calls: int) -> float:
-    """The living reward of the episode that begins after so many steps and resets of a stream."""
+    """The living reward of the episode after a number of steps and resets of a stream."""
     key = jax.random.fold_in(jax.random.key(seed), 0)
     for _ in range(calls):
         key, _ = jax.random.split(key)
@@ -85,7 +85,7 @@ def numbers_of(seed: int, calls: int) -> float:
 
 
 @pytest.mark.parametrize("player", STREAMS)
-def test_the_seeds_of_an_adapter_say_what_its_episodes_draw(player: Any) -> None:
+def test_adapter_seeds_determine_drawn_params(player: Any) -> None:
     env, _, ranged = make_ranged()
     ours = player(env, ranged, N)
     for seed in (7, 7, 8):
@@ -98,7 +98,7 @@ def test_the_seeds_of_an_adapter_say_what_its_episodes_draw(player: Any) -> None
 
 
 @pytest.mark.parametrize("player", [GymnaxPlayer, StoaPlayer])
-def test_functions_draw_by_the_keys_that_they_are_given(player: Any) -> None:
+def test_functional_adapters_draw_from_given_keys(player: Any) -> None:
     env, _, ranged = make_ranged()
     ours = player(env, ranged, N)
     ours.reset(3)
@@ -114,7 +114,7 @@ def test_functions_draw_by_the_keys_that_they_are_given(player: Any) -> None:
                 keys, steps = split(keys).T
             np.testing.assert_allclose(ours.step(IDLE).reward, wanted, rtol=1e-6)
         resets = split(steps)[:, 1]
-    # Mapped and plain, the other functions of a state take what its episode drew.
+    # The other functions of a state, mapped or not, use the params its episode drew.
     if player is GymnaxPlayer:
         one = jax.tree.map(lambda leaf: leaf[0], ours.state)
         after, reward, *_ = ours.of.step_env(keys[0], one, 0, ours.params)[1:]
@@ -124,7 +124,7 @@ def test_functions_draw_by_the_keys_that_they_are_given(player: Any) -> None:
         assert ours.of.get_obs(after, ours.params).shape == (8, 12, 3)
 
 
-def test_ranges_of_a_batch_change_between_episodes() -> None:
+def test_ranges_of_a_batch_can_change_between_episodes() -> None:
     env, usual, ranged = make_ranged()
     batch = Batch(env, ranged, N)
     batch.reset(0)
@@ -139,7 +139,7 @@ def test_ranges_of_a_batch_change_between_episodes() -> None:
         batch.params = usual
 
 
-def test_attributes_of_sb3() -> None:
+def test_sb3_attributes() -> None:
     env, usual, _ = make_ranged()
     venv = SB3Player(env, usual, N).of
     venv.set_attr("living_reward", (-2.0, -1.0))

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's `VecEnv`, beside the native environment and under its own algorithms."""
+"""Stable-Baselines3's `VecEnv`, compared with the native environment, and its algorithms."""
 
 import warnings
 from typing import Any
@@ -57,7 +57,7 @@ def test_types(venv):
     assert venv.seed(7) == [7, 8, 9]
 
 
-def test_an_episode_is_told_where_it_ends(venv):
+def test_info_describes_episode_at_its_end(venv):
     venv.reset()
     infos: Any = []
     for t in range(3):
@@ -131,7 +131,7 @@ def test_params_of_each(made):
     assert venv.get_attr("max_steps_in_episode") == [3, 3, 3]
 
 
-def test_pictures(made, venv):
+def test_images(made, venv):
     with pytest.raises(jaxenstein.SettingError, match="call reset before render"):
         venv.render()
     observation = venv.reset()
@@ -196,8 +196,8 @@ def test_ppo_trains(policy):
     assert mean > 0.9
 
 
-def test_ppo_takes_dictionaries():
-    """Of their names it makes attributes of a network, which must not have them already."""
+def test_ppo_trains_on_dict_observations():
+    """It names attributes of a network after the entries, so the names must be free."""
     venv = SB3VecEnv("key-door", num_envs=2, observation="dict", height=36, width=36)
     model = PPO("MultiInputPolicy", venv, n_steps=8, batch_size=16, n_epochs=1, seed=0)
     names = set(model.policy.features_extractor.extractors)

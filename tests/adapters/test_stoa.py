@@ -1,4 +1,4 @@
-"""The Stoa adapter beside Stoa: time steps, spaces, and the wrappers that Stoix puts around it."""
+"""The Stoa adapter with Stoa: time steps, spaces, and the wrappers that Stoix uses."""
 
 # The partner is an extra, which need not be there to check the types.
 # pyright: reportMissingImports=false
@@ -16,7 +16,7 @@ import jaxenstein
 from jaxenstein.errors import SettingError
 
 pytest.importorskip("stoa")
-# Raised inside of Stoa and of what it imports.
+# Raised inside Stoa and its imports.
 pytestmark = [
     pytest.mark.usefixtures("plain_frames"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:(stoa|chex|flax).*"),
@@ -45,7 +45,7 @@ def env() -> adapter.StoaEnvironment:
 
 
 def walk(env: Any, actions: Any, seed: int = 0) -> tuple[Any, Any]:
-    """First time step, and those of a scan [T, ...], which needs them of one structure."""
+    """The first time step, and the steps of a scan [T, ...], which must have one structure."""
     state, first = env.reset(jax.random.key(seed))
 
     def step(carry: Any, action: jax.Array) -> Any:
@@ -55,7 +55,7 @@ def walk(env: Any, actions: Any, seed: int = 0) -> tuple[Any, Any]:
     return first, jax.jit(lambda c: jax.lax.scan(step, c, jnp.asarray(actions)))((state, first))[1]
 
 
-def test_time_steps_tell_the_ends_apart(env: adapter.StoaEnvironment) -> None:
+def test_time_steps_separate_termination_from_truncation(env: adapter.StoaEnvironment) -> None:
     first, steps = walk(env, np.full(LIMIT + 2, FORWARD))
     assert first.first()
     assert (first.reward, first.discount) == (0, 1)
@@ -85,7 +85,7 @@ def test_time_steps_tell_the_ends_apart(env: adapter.StoaEnvironment) -> None:
 
 
 @pytest.mark.parametrize("new_key", [jax.random.key, jax.random.PRNGKey])
-def test_reset_and_step_agree_in_structure(env: adapter.StoaEnvironment, new_key: Any) -> None:
+def test_reset_and_step_have_the_same_structure(env: adapter.StoaEnvironment, new_key: Any) -> None:
     state, first = env.reset(new_key(0))
     after, step = env.step(state, LEFT)
 
@@ -106,7 +106,7 @@ def test_reset_and_step_agree_in_structure(env: adapter.StoaEnvironment, new_key
         assert env.action_space().contains(env.action_space().sample(new_key(1)))
 
 
-def test_spaces_are_those_of_stoa(env: adapter.StoaEnvironment) -> None:
+def test_spaces_are_stoa_spaces(env: adapter.StoaEnvironment) -> None:
     assert isinstance(env, stoa.Environment)
     assert env.action_space() == stoa.DiscreteSpace(5, jnp.int32, "action")
     box = env.observation_space()
@@ -123,7 +123,7 @@ def test_spaces_are_those_of_stoa(env: adapter.StoaEnvironment) -> None:
 
 @pytest.mark.usefixtures("partner_promotion")
 @pytest.mark.parametrize("wrapper", [stoa.AutoResetWrapper, CachedAutoResetWrapper, None])
-def test_a_loop_as_in_stoix(wrapper: Any) -> None:
+def test_stoix_style_loop(wrapper: Any) -> None:
     """Automatic resets, episode metrics and a batch, inside of a scan."""
     if wrapper is None:
         wrapped: Any = corridor(autoreset="same-step", final_observation=True)
@@ -153,7 +153,7 @@ def test_a_loop_as_in_stoix(wrapper: Any) -> None:
     for name in ("episode_return", "episode_length"):
         np.testing.assert_array_equal(metrics[name][done], after.extras[name][done])
     assert (np.asarray(metrics["episode_length"]) <= LIMIT).all()
-    # The observation to act on is the new episode's, the last one is kept beside it.
+    # The observation to act on is from the new episode; the last one is in `extras`.
     last, fresh = np.asarray(after.extras["next_obs"]), np.asarray(after.observation)
     np.testing.assert_array_equal(last[~done], fresh[~done])
     assert (last[done] != fresh[done]).any(axis=(1, 2, 3)).mean() > 0.8
@@ -174,7 +174,7 @@ def test_other_wrappers(env: adapter.StoaEnvironment) -> None:
     assert step.truncated()
 
 
-def test_mistakes_are_named(env: adapter.StoaEnvironment) -> None:
+def test_errors_name_the_mistake(env: adapter.StoaEnvironment) -> None:
     with pytest.raises(SettingError, match="autoreset=None or autoreset='same-step'"):
         adapter.make("simple", autoreset="next-step")
     assert env != corridor()

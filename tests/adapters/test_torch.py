@@ -28,14 +28,14 @@ def batch(made):
 
 
 def plain(value):
-    """What `jax.tree` knows: tuples and dictionaries."""
+    """Containers of `jax.tree`: tuples and dictionaries."""
     if isinstance(value, Mapping):
         return {name: plain(entry) for name, entry in value.items()}
     return tuple(map(plain, value)) if isinstance(value, tuple) else value
 
 
-def test_info_becomes_tensors_when_it_is_read(batch):
-    """An entry that nobody reads is not handed over; one that is read twice is, once."""
+def test_info_becomes_tensors_on_access(batch):
+    """An entry that is never read is not converted; one that is read twice is converted once."""
     handed = []
     batch._tensor = lambda value, under=batch._tensor: handed.append(value) or under(value)
     batch.reset(0)
@@ -52,10 +52,10 @@ def test_info_becomes_tensors_when_it_is_read(batch):
 
 
 @pytest.mark.parametrize("kind", ["rgb", "dict"])
-def test_observations_lie_where_jax_drew_them(kind):
+def test_observations_share_memory_with_jax(kind):
     env, params = jaxenstein.from_ascii(MAP, heading=0.0, observation=kind, **SIZE)
     batch = TorchBatch(env, params, N)
-    # What the batch underneath gives is caught on its way.
+    # Record the results of the batch underneath.
     caught = []
     under = batch.batch.step
     batch.batch.step = lambda actions: caught.append(under(actions)) or caught[-1]  # type: ignore[method-assign]
@@ -73,7 +73,7 @@ def test_observations_lie_where_jax_drew_them(kind):
         np.testing.assert_array_equal(tensor.numpy(), np.asarray(array))
 
 
-def test_actions_lie_where_torch_wrote_them(batch):
+def test_actions_share_memory_with_torch(batch):
     actions = batch._to_jax(torch.tensor([3, 0, 1]))
     assert actions.dtype == jnp.int32
     assert torch.from_dlpack(actions).data_ptr() == actions.unsafe_buffer_pointer()
@@ -81,7 +81,7 @@ def test_actions_lie_where_torch_wrote_them(batch):
 
 
 @pytest.mark.parametrize("autoreset", ["same-step", "next-step", None])
-def test_steps_are_those_of_the_batch(made, autoreset):
+def test_steps_match_the_batch(made, autoreset):
     ours = TorchBatch(made[0], made[1], N, autoreset=autoreset)
     theirs = Batch(made[0], made[1], N, autoreset=autoreset)
     rng = np.random.default_rng(0)
@@ -103,7 +103,7 @@ def test_steps_are_those_of_the_batch(made, autoreset):
 
 
 @pytest.mark.parametrize("autoreset", ["same-step", "next-step", None])
-def test_the_memory_outlives_the_batch(made, autoreset):
+def test_memory_outlives_the_batch(made, autoreset):
     batch = TorchBatch(made[0], made[1], N, autoreset=autoreset)
     batch.reset(0)
     stepped = batch.step(torch.full((N,), STAY))
@@ -114,13 +114,13 @@ def test_the_memory_outlives_the_batch(made, autoreset):
     del junk
 
 
-def test_actions_that_are_no_tensor(batch):
+def test_non_tensor_actions(batch):
     batch.reset(0)
     with pytest.raises(jaxenstein.SettingError, match="torch tensor of 3 integers, not list"):
         batch.step([0, 0, 0])
 
 
-def test_where_the_tensors_are(batch):
+def test_tensors_are_on_the_batch_device(batch):
     assert batch.device == torch.from_dlpack(jnp.zeros(1)).device
     assert batch.num_actions == 5
     observation, info = batch.reset(0)

@@ -26,7 +26,7 @@ def both(mode):
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
-def test_vectors_play_what_they_play_without_it(mode):
+def test_rollout_matches_plain_vector_environment(mode):
     plain, wrapped = both(mode)
     told = wrapped.rollout(STEPS, break_when_any_done=False)
     assert told.batch_size == (COUNT, STEPS)
@@ -46,14 +46,14 @@ def test_vectors_play_what_they_play_without_it(mode):
     assert told["next", "done"].sum() == COUNT * (STEPS // 4)
 
 
-def test_it_takes_no_resets_in_the_next_step():
+def test_next_step_autoreset_is_refused():
     with pytest.raises(RuntimeError, match="must be one of SAME_STEP or DISABLED"):
         both("NextStep")
 
 
 @pytest.mark.parametrize("skip", [1, 3])
 def test_by_id(skip):
-    """Its own name for the setting reaches the environment, which draws one frame a step."""
+    """TorchRL's name for the setting reaches the environment, which draws one frame per step."""
     env = envs.GymEnv("jaxenstein/key-door-v0", frame_skip=skip, **SMALL)
     assert env.unwrapped.env.frame_skip == skip
     told = env.rollout(STEPS, break_when_any_done=False)

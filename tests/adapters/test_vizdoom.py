@@ -129,7 +129,7 @@ def installed(world: Any, monkeypatch: pytest.MonkeyPatch) -> Game:
     return game
 
 
-def test_a_missed_shot_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missed_shot_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
     """The game ends then as early as after a hit."""
     env, params = jaxenstein.make("doom-predict-position", **SETTINGS)
     installed((env, params), monkeypatch)
@@ -143,7 +143,7 @@ def test_a_missed_shot_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("kind", [pytest.param("gray", marks=pytest.mark.slow), "dict"])
-def test_health_and_ammunition_below_the_view(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hud_shows_health_and_ammunition(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     env, params = jaxenstein.make(
         "doom-basic", observation=kind, height=40, width=60, hud=True, show_weapon=True
     )
@@ -197,7 +197,7 @@ def test_actions_rewards_and_ends_mean_the_same(world: Any, game: Game) -> None:
             session.step(0)
 
 
-def test_many_episodes_and_gymnasium(world: Any, game: Game) -> None:
+def test_several_episodes_and_gymnasium_env(world: Any, game: Game) -> None:
     env, params = world
     games = vizdoom.play_game(env, params, Script([3] * 30), episodes=2)
     np.testing.assert_array_equal(games.lengths, [23, 23])
@@ -238,7 +238,9 @@ def test_pixels_are_sampled_at_their_lower_right_corners() -> None:
     assert np.flatnonzero(np.arange(120) + 1 > top)[0] == 48
 
 
-def test_what_the_game_has_not(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unsupported_scenarios_seeds_and_sizes_are_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     sparse, params = jaxenstein.make("doom-my-way-home-sparse", **SETTINGS)
     with pytest.raises(SettingError, match="ViZDoom has no scenario for"):
         vizdoom.GameSession(sparse, params)
@@ -257,7 +259,7 @@ def test_what_the_game_has_not(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.fixture
 def real_frames() -> Iterator[None]:
-    """The engine's own, for the tests of what is seen; these come last, and compile anew."""
+    """Frames of the engine, for tests of their content; these tests come last and recompile."""
     jax.clear_caches()
     with mock.patch("jaxenstein.tasks.first_person.render", render):
         yield
@@ -265,7 +267,7 @@ def real_frames() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("real_frames")
-def test_depths_are_ours_up_to_eight_bits(world: Any, game: Game) -> None:
+def test_depths_match_to_eight_bits(world: Any, game: Game) -> None:
     env, params = world
     with vizdoom.GameSession(env, params, seed=2) as session:
         for action in (3, 4, 3, 1, 5, 0, 2, 3):
@@ -282,7 +284,7 @@ def test_depths_are_ours_up_to_eight_bits(world: Any, game: Game) -> None:
     ("id", "kind", "alike"),
     [("doom-my-way-home", "labels", 0.97), ("doom-health-gathering-supreme", "labels", 0.95)],
 )
-def test_the_game_shows_what_we_draw(id: str, kind: str, alike: float) -> None:
+def test_game_frames_match_our_frames(id: str, kind: str, alike: float) -> None:
     env, params = jaxenstein.make(id, observation=kind, height=30, width=40, frame_skip=4)
     with vizdoom.GameSession(env, params, 5) as session:
         for action in (3, 3, 1, 2, 3) * 6:
@@ -293,8 +295,8 @@ def test_the_game_shows_what_we_draw(id: str, kind: str, alike: float) -> None:
 
 @pytest.mark.usefixtures("real_frames")
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
-def test_the_games_weapon_and_our_strip() -> None:
-    """The weapon stands in the lower middle, in the strip there is what its variables say."""
+def test_game_frames_include_weapon_and_hud() -> None:
+    """The weapon is in the lower middle, and the strip shows the variables."""
     pictures = {}
     for shown in (False, True):
         env, params = jaxenstein.make(
@@ -315,7 +317,7 @@ def test_the_games_weapon_and_our_strip() -> None:
 
 
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
-def test_the_game_tells_everybody_there() -> None:
+def test_game_state_includes_all_monsters() -> None:
     env: Any
     env, params = jaxenstein.make("doom-deadly-corridor", **SETTINGS)
     with vizdoom.GameSession(env, params, 5) as session:

@@ -1,4 +1,4 @@
-"""Run by test_placement.py in a process of its own, with several simulated devices.
+"""Run by test_placement.py in a separate process with several simulated devices.
 
 In a world whose frames compile in a moment; with "rendered", in one that the engine shows.
 """

@@ -26,7 +26,7 @@ KEY = jax.random.key(0)
         {"dtype": jnp.bfloat16},
     ],
 )
-def test_it_is_conv_with_the_same_parameters(options):
+def test_matches_flax_conv_with_the_same_parameters(options):
     images = jax.random.normal(KEY, (2, 7, 6, 3))
     ours, other = (make(4, kernel_size=(3, 2), **options) for make in (PatchConvolution, nn.Conv))
     params = ours.init(KEY, images)
@@ -39,7 +39,7 @@ def test_it_is_conv_with_the_same_parameters(options):
     np.testing.assert_allclose(mine, theirs, atol=0.1 if "dtype" in options else 1e-5)
 
 
-def test_one_number_stands_for_both_sides():
+def test_one_number_sets_both_sides():
     images = jnp.ones((6, 6, 1))
     made: Any = PatchConvolution(2, 3, strides=3).init_with_output(KEY, images)
     out, params = made
@@ -49,7 +49,7 @@ def test_one_number_stands_for_both_sides():
         PatchConvolution(2, (3, 3, 3)).init(KEY, images)
 
 
-def test_both_implementations_of_a_network_are_one():
+def test_both_implementations_agree():
     keys = jax.random.split(KEY, 2)
     images = jax.random.normal(keys[0], (2, 3, 9, 8, 3))
     weights = jax.random.normal(keys[1], (4, 4, 3, 5))

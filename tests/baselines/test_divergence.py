@@ -1,4 +1,4 @@
-"""A run that diverges stays as it was before, and the runs beside it do not notice."""
+"""A run that diverges keeps its last state, and other runs are not affected."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ pytest.importorskip("flax")
 from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.divergence import Divergence, guard, of_state, updates_that_count
 from jaxenstein.baselines.state import TrainState
-from tests.baselines.worlds import OWN, SMALL, Countdown
+from tests.baselines.worlds import BONUS_SIZES, SMALL, Countdown
 
 STEADY = SMALL | {"anneal": False}
 BONUSES = [pytest.param(algo, marks=pytest.mark.variant) for algo in ("rnd", "icm", "e3b")]
@@ -31,12 +31,12 @@ def one_of(tree: Any, run: int) -> Any:
 
 def learner_of(algo: str, **settings: Any) -> Learner:
     env = Countdown()
-    config = Config(**STEADY, algo=algo, bonus=OWN[algo], **settings)
+    config = Config(**STEADY, algo=algo, bonus=BONUS_SIZES[algo], **settings)
     return Learner(env, env.default_params, config)
 
 
 @pytest.mark.parametrize("algo", ["ppo", *BONUSES])
-def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
+def test_one_run_stops_and_the_other_is_unchanged_bit_for_bit(algo: str) -> None:
     many = learner_of(algo).many
     rate = "learning_rate" if algo == "ppo" else "bonus_learning_rate"
 
@@ -49,7 +49,7 @@ def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
     assert not np.asarray(early["diverged"]).any()
     fine, expected = train(good, 1e-3)
     state, metrics = train(good, HUGE)
-    # It has what it had before, but for the record of what happened.
+    # Its state is unchanged except for the record of the divergence.
     assert state.diverged is not None
     code = int(state.diverged[0])
     assert 1 <= code <= 7
@@ -72,7 +72,7 @@ def test_one_run_stops_and_the_other_goes_on_bit_for_bit(algo: str) -> None:
 
 
 @pytest.mark.parametrize("learning_rate", [0.1, HUGE])
-def test_with_continue_the_numbers_spread(learning_rate: float) -> None:
+def test_non_finite_numbers_spread_with_continue(learning_rate: float) -> None:
     learner = learner_of("ppo", on_divergence="continue")
     state, metrics = learner.train_chunk(
         learner.init(jax.random.key(0)), HParams(learning_rate=learning_rate), 2
@@ -112,7 +112,7 @@ def state_of(value: float, params: float, bonus: float, diverged: int = 0) -> Tr
         ({"loss": 3.0, "kl": np.nan, "loss_ratio": np.inf}, 1, 1, 0, ""),
     ],
 )
-def test_what_is_not_finite(
+def test_guard_stops_on_non_finite_values(
     learnt: dict[str, float], params: float, bonus: float, code: int, words: str
 ) -> None:
     before, after = state_of(4, 1, 1), state_of(5, params, bonus)
@@ -126,7 +126,7 @@ def test_what_is_not_finite(
     assert int(measured["episodes"]) == (0 if code else 3)
     np.testing.assert_equal(float(measured["kl"]), np.nan if code else 0.5)
     if code:
-        told = Divergence(5, code).told("seed-3")
+        told = Divergence(5, code).message("seed-3")
         assert told.startswith(f"seed-3 diverged at update 5: its {words}")
         assert told.endswith("It keeps the parameters of update 4, the last finite ones")
     # The first cause is kept.
@@ -135,11 +135,11 @@ def test_what_is_not_finite(
 
 
 @pytest.mark.parametrize("code", [8, -1, 2**40])
-def test_a_code_of_a_spoilt_file_has_words_too(code: int) -> None:
-    assert "seed-0 diverged at update 1: its " in Divergence(1, code).told("seed-0")
+def test_unknown_divergence_code_has_a_description(code: int) -> None:
+    assert "seed-0 diverged at update 1: its " in Divergence(1, code).message("seed-0")
 
 
-def test_updates_count_until_all_runs_have_diverged() -> None:
+def test_updates_are_counted_until_all_runs_have_diverged() -> None:
     def count(*codes: list[int]) -> int:
         return updates_that_count({"diverged": np.array(codes), "loss": np.zeros((2, 4))})
 

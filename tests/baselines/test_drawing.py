@@ -1,4 +1,4 @@
-"""Episodes of a training with params of their own, against the environment's own steps."""
+"""Training episodes with drawn params, compared with steps of the environment."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("plain_frames")
 RANGES = {"turn_angle": (0.1, 0.4), "living_reward": (-2.0, -1.0)}
 
 
-def test_every_episode_steps_by_the_numbers_that_it_drew() -> None:
+def test_each_episode_uses_the_params_it_drew() -> None:
     env, usual = jaxenstein.from_ascii("#####\n#S.G#\n#####", height=8, width=8, autoreset=None)
     params = usual.replace(max_steps_in_episode=5, **RANGES)
     simulator = make_simulator(env, params)
@@ -65,7 +65,7 @@ def test_every_episode_steps_by_the_numbers_that_it_drew() -> None:
             assert len(np.unique(values)) == count
 
 
-def test_clocks_of_drawn_episodes_may_start_anywhere() -> None:
+def test_random_clocks_work_with_drawn_params() -> None:
     env, usual = jaxenstein.from_ascii("####\n#SG#\n####", height=8, width=8)
     simulator = make_simulator(env, usual.replace(**RANGES))
     network = resolve(OPTIONS).learner.network
@@ -76,7 +76,7 @@ def test_clocks_of_drawn_episodes_may_start_anywhere() -> None:
 
 
 @pytest.mark.slow
-def test_a_training_draws_goes_on_and_is_evaluated(tmp_path: Path) -> None:
+def test_training_with_ranges_resumes_and_evaluates(tmp_path: Path) -> None:
     ranges = {name: list(ends) for name, ends in RANGES.items()}
     experiment = tiny(params=ranges, seeds=1)
     whole, parts = (RunFolder.create(tmp_path / name, experiment) for name in ("a", "b"))
@@ -90,7 +90,7 @@ def test_a_training_draws_goes_on_and_is_evaluated(tmp_path: Path) -> None:
     other = resolve({**OPTIONS, "seeds": 1, "params": {**ranges, "turn_angle": 0.1}})
     assert experiment.differences(other) == ["environment.params.turn_angle ([0.1, 0.4], not 0.1)"]
     results = evaluate(load_trained(whole.path), episodes=32)
-    # Every episode has a living reward of its own, but for the goal's 1 in the last step.
+    # Every episode has its own living reward, plus 1 for the goal in the last step.
     rewards = (results.returns - results.successes) / np.maximum(results.lengths, 1)
     assert len(np.unique(rewards)) > 16
     assert results.environment.params == {"max_steps_in_episode": 10, **RANGES}

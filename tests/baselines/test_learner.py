@@ -16,7 +16,7 @@ from jaxenstein.baselines import Config, HParams, Learner
 from jaxenstein.baselines.rollout import rollout
 from jaxenstein.baselines.simulator import GymnaxSimulator
 from jaxenstein.errors import SettingError
-from tests.baselines.worlds import OWN, SMALL, Countdown, Memory
+from tests.baselines.worlds import BONUS_SIZES, SMALL, Countdown, Memory
 
 KEY = jax.random.key(0)
 # Numbers of two runs.
@@ -30,7 +30,7 @@ def learner_of(env, **settings):
 @functools.cache
 def learner(algo="ppo"):
     """One for all tests."""
-    return learner_of(Countdown(), algo=algo, bonus=OWN[algo])
+    return learner_of(Countdown(), algo=algo, bonus=BONUS_SIZES[algo])
 
 
 def equal(one, other, **tolerance):
@@ -39,7 +39,7 @@ def equal(one, other, **tolerance):
 
 
 def one_of(tree, index):
-    """One of many runs; scalars are those of all."""
+    """One of many runs; all runs share scalars."""
     return jax.tree.map(lambda leaf: leaf[index] if np.ndim(leaf) else leaf, tree)
 
 
@@ -52,7 +52,7 @@ def one_of(tree, index):
         pytest.param("e3b", 1, marks=pytest.mark.slow),
     ],
 )
-def test_two_chunks_are_one_of_twice_the_updates(algo, size):
+def test_two_chunks_equal_one_of_twice_the_updates(algo, size):
     run = learner(algo)
     start = run.init(KEY)
     numbers = HParams(gamma=0.9)
@@ -67,7 +67,7 @@ def test_two_chunks_are_one_of_twice_the_updates(algo, size):
         equal(first.params, state.params)
 
 
-def test_a_state_is_plain_arrays_of_fixed_types():
+def test_state_has_plain_arrays_of_fixed_types():
     run = learner("rnd")
     start = run.init(KEY)
     # The program that one of many runs is compared with, too.
@@ -79,7 +79,7 @@ def test_a_state_is_plain_arrays_of_fixed_types():
 
 
 @pytest.mark.parametrize("algo", ["rnd", pytest.param("icm", marks=pytest.mark.slow)])
-def test_many_runs_are_the_runs_alone(algo):
+def test_batched_runs_equal_single_runs(algo):
     run = learner(algo)
     keys, numbers = jax.random.split(KEY, 2), MANY
     states, metrics = run.many.train_chunk(run.many.init(keys, numbers), numbers, 2)
@@ -96,7 +96,7 @@ def test_many_runs_are_the_runs_alone(algo):
     equal(one_of(states.params, 1), run.init(keys[1]).params)
 
 
-def test_hparams_of_many_runs_need_one_number_a_run():
+def test_hparams_of_many_runs_need_one_number_per_run():
     run = learner()
     states = run.many.init(jax.random.split(KEY, 2))
     with pytest.raises(
@@ -107,7 +107,7 @@ def test_hparams_of_many_runs_need_one_number_a_run():
         run.train_chunk(run.init(KEY), HParams(clip=-1), 1)
 
 
-def test_discount_is_the_environments_own():
+def test_default_discount_comes_from_the_environment():
     run = learner()
     state = run.init(KEY)
     own, given, other = (
@@ -132,8 +132,8 @@ def test_learning_rates_fall_linearly_and_nothing_compiles_between_chunks():
     assert len(set(sizes)) == 1
 
 
-def test_advantages_bootstrap_where_the_limit_cut_the_episode_off():
-    """Values that are all one tell each target: the next value counts unless the task ended."""
+def test_advantages_bootstrap_at_truncations():
+    """If all values are 1, targets are known: the next value counts unless the task ended."""
     numbers = HParams(gamma=0.9, gae_lambda=0.0, learning_rate=0.0)
     run = learner()
     state = run.init(KEY)
@@ -185,7 +185,7 @@ class EvenCountdown(Countdown):
         return state, jnp.where(state.cue % 2 == 0, reward, -reward), ended, events
 
 
-def test_what_follows_an_episode_does_not_count():
+def test_steps_after_the_first_episode_do_not_count():
     run = learner_of(EvenCountdown())
     result = run.evaluate(run.init(KEY).params, KEY, 50)
     wanted = np.asarray(result.terminated) & (np.asarray(result.episode_length) % 2 == 0)
@@ -193,7 +193,7 @@ def test_what_follows_an_episode_does_not_count():
     np.testing.assert_array_equal(result.success, wanted)
 
 
-def test_greedy_agents_do_the_same_in_equal_episodes():
+def test_greedy_agents_act_alike_in_equal_episodes():
     run = learner()
     params = run.init(KEY).params
     kinds = []
@@ -206,7 +206,7 @@ def test_greedy_agents_do_the_same_in_equal_episodes():
     assert max(kinds[1]) > 1
 
 
-def test_policy_is_the_evaluations():
+def test_policy_matches_evaluation():
     env = Memory(delay=4)
     run = learner_of(env)
     params = jax.tree.map(lambda leaf: 3 * leaf, run.init(KEY).params)
@@ -244,8 +244,8 @@ def test_random_clocks_end_episodes_at_different_times():
     assert not np.asarray(actors.episode_length).any()
 
 
-def test_a_run_that_succeeds_often_enough_learns_no_more():
-    """The agent changes nothing about its successes, so their mean grows slowly and surely."""
+def test_run_stops_learning_at_target_success():
+    """The agent does not affect its successes, so their mean grows slowly and surely."""
     run = learner_of(Countdown(), anneal=False, stop_success=0.2)
     state, recent, states, rates = run.init(KEY), 0.0, [], []
     for _ in range(12):
@@ -267,7 +267,7 @@ def test_a_run_that_succeeds_often_enough_learns_no_more():
 
 
 class Foreign:
-    """gymnax' contract, told by nothing but its functions."""
+    """An environment that follows the contract of gymnax only by its functions."""
 
     def __init__(self, final=True, values=6, frame_skip=1):
         self.env = Countdown(final_observation=True, frame_skip=frame_skip)
@@ -284,7 +284,7 @@ class Foreign:
 
 
 @pytest.mark.parametrize("skip", [1, pytest.param(4, marks=pytest.mark.slow)])
-def test_an_environment_of_gymnax_contract_gives_the_same_run(skip):
+def test_gymnax_style_environment_gives_the_same_run(skip):
     own = learner() if skip == 1 else learner_of(Countdown(frame_skip=skip))
     run = Learner(Foreign(frame_skip=skip), Countdown().default_params, own.config)
     assert run.loop.slots == own.loop.slots
@@ -295,7 +295,7 @@ def test_an_environment_of_gymnax_contract_gives_the_same_run(skip):
         equal(a, b, atol=1e-6, rtol=1e-5)
 
 
-def test_without_info_on_success_it_is_an_end_of_the_task_with_a_reward():
+def test_success_defaults_to_termination_with_a_reward():
     class Silent(Foreign):
         def step(self, key, state, action, params=None):
             """Odd actions end the task, and those above 1 pay."""
@@ -311,7 +311,7 @@ def test_without_info_on_success_it_is_an_end_of_the_task_with_a_reward():
     assert out.reached.tolist() == [False, False, False, True]
 
 
-def test_an_environment_of_gymnax_contract_that_skips_frames_has_as_many_truncations():
+def test_gymnax_style_environment_with_frame_skip_counts_truncations():
     own, run = learner_of(Countdown(frame_skip=4)), learner_of(Foreign(frame_skip=4))
     assert run.loop.slots == own.loop.slots > learner().loop.slots
 
@@ -328,7 +328,7 @@ def test_seeds():
             learner().init(jax.random.key(0))
 
 
-def test_environments_that_do_not_fit_are_refused():
+def test_unsuitable_environments_are_refused():
     params = Countdown().default_params
     config = Config(**SMALL)
     with pytest.raises(SettingError, match="no info\\['final_observation'\\]"):

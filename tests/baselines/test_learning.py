@@ -62,14 +62,14 @@ def test_all_seeds_learn_to_turn_to_a_goal_beside_them():
 
 
 @pytest.mark.slow
-def test_the_agent_looks():
-    """Four start cells, told apart by a colour alone: not looking is right in a quarter."""
+def test_agent_learns_to_look():
+    """Four start cells that differ only in colour: a blind agent is right in a quarter."""
     env = bandit()
     result = train(env, env.default_params, updates=30, total=40, seeds=4)
     assert result["success"].min() >= 0.95, result
 
 
-def test_the_agent_remembers_for_two_steps():
+def test_agent_learns_to_remember_for_two_steps():
     """The one agent that every change trains: without a learning rate it guesses."""
     env = Memory(delay=2)
     numbers = HParams(learning_rate=np.array([3e-3, 3e-3, 0.0]))
@@ -83,7 +83,7 @@ def test_the_agent_remembers_for_two_steps():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("recurrent", [True, False])
-def test_the_agent_remembers(recurrent):
+def test_agent_learns_to_remember(recurrent):
     """A cue in the first frame decides the answer eight steps later."""
     env = Memory(delay=8)
     numbers = HParams(learning_rate=1e-3)

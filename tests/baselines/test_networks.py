@@ -57,7 +57,7 @@ def by_hand(params, inputs, reset, hidden):
     return out
 
 
-def test_gru_is_a_loop_with_resets():
+def test_gru_equals_a_loop_with_resets():
     gru, params, inputs, reset, hidden = sequence()
     steps, last = gru.apply(params, inputs, jnp.asarray(reset), hidden)
     np.testing.assert_allclose(steps, by_hand(params, inputs, reset, hidden), atol=1e-5)
@@ -92,7 +92,7 @@ def random_inputs(network, shape, steps=6, batch=2):
     return obs, previous, first, memory
 
 
-def test_a_sequence_is_its_steps():
+def test_sequence_equals_single_steps():
     _, _, network = small_network()
     params = network.init(KEY)
     obs, previous, first, memory = random_inputs(network, (12, 16, 3))
@@ -105,7 +105,7 @@ def test_a_sequence_is_its_steps():
     np.testing.assert_allclose(memory, last, atol=1e-6)
 
 
-def test_values_may_begin_near_zero():
+def test_values_can_begin_near_zero():
     largest = {}
     for near in (False, True):
         _, _, network = small_network(zero_values=near)
@@ -116,13 +116,13 @@ def test_values_may_begin_near_zero():
     np.testing.assert_allclose(largest[True], largest[False] / 100, rtol=1e-3)
 
 
-def test_contrast_is_that_of_other_images_and_not_of_labels():
+def test_contrast_changes_images_but_not_labels():
     _, _, network = small_network()
     _, _, sharp = small_network(contrast=4.0)
     params = network.init(KEY)
     obs, *rest = random_inputs(network, (12, 16, 3))
     assert obs.dtype == jnp.uint8
-    # Images whose pixels are what the contrast makes of these.
+    # Images with the contrast already applied.
     spec = ObservationSpec((Part((12, 16, 3), True, "bounds", 0, 1),))
     plain = dataclasses.replace(network, spec=spec)
     given = 4 * (obs.astype(jnp.float32) / 255 - 0.3)
@@ -140,7 +140,7 @@ def test_contrast_is_that_of_other_images_and_not_of_labels():
     )
 
 
-def test_persistence_is_added_to_the_logit_of_the_action_before():
+def test_persistence_raises_logit_of_previous_action():
     _, _, network = small_network()
     _, _, persistent = small_network(persistence=2.0)
     params = persistent.init(KEY)
@@ -161,7 +161,7 @@ def test_persistence_is_added_to_the_logit_of_the_action_before():
     np.testing.assert_allclose(chosen, np.exp(2) / (np.exp(2) + 4), atol=0.02)
 
 
-def test_the_first_step_knows_nothing_of_before():
+def test_first_step_ignores_previous_action_and_memory():
     _, _, network = small_network()
     params = network.init(KEY)
     obs, previous, _, memory = random_inputs(network, (12, 16, 3), steps=1)
@@ -175,7 +175,7 @@ def test_the_first_step_knows_nothing_of_before():
     jax.tree.map(np.testing.assert_array_equal, one, forgetful)
 
 
-def test_bfloat16_computes_what_float32_does():
+def test_bfloat16_agrees_with_float32():
     _, _, network = small_network()
     _, _, half = small_network(dtype="bfloat16")
     params = half.init(KEY)

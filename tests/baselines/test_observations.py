@@ -54,14 +54,14 @@ def test_kinds_of_arrays(array: np.ndarray, space: Any, part: Part) -> None:
     assert parts(array, space) == (part,)
 
 
-def test_labels_are_told_apart() -> None:
+def test_labels_get_distinct_bits() -> None:
     spec = ObservationSpec((Part((8, 8), True, "bits"),))
     ids = jnp.arange(128, dtype=jnp.uint8).reshape(2, 8, 8)
     (bits,), _ = spec.prepare(ids, jnp.float32)
     assert len(np.unique(np.asarray(bits).reshape(128, 8), axis=0)) == 128
 
 
-def test_numbers_without_bounds_are_brought_near_one() -> None:
+def test_unbounded_numbers_are_scaled_near_one() -> None:
     spec = ObservationSpec((Part((8, 8), True, "distance"), Part((3,), False, "log")))
     far = jnp.array([0, 1, 3, jnp.inf] * 16, jnp.float32).reshape(8, 8)
     numbers = jnp.array([-1e6, 0, math.e - 1], jnp.float32)
@@ -70,13 +70,13 @@ def test_numbers_without_bounds_are_brought_near_one() -> None:
     np.testing.assert_allclose(vector, [-math.log(1e6 + 1), 0, 1], rtol=1e-6)
 
 
-def test_labels_become_bits_only_where_they_are_an_image() -> None:
+def test_only_label_images_become_bits() -> None:
     ids = np.zeros((8, 8), np.uint8)
     assert parts(ids, None, "labels") == (Part((8, 8), True, "bits"),)
     assert parts(ids[:4], None, "labels") == (Part((4, 8), False, "bounds", 0, 255),)
 
 
-def test_parts_of_a_dict_have_the_bounds_of_their_own_spaces() -> None:
+def test_parts_of_a_dict_keep_their_own_bounds() -> None:
     obs = {"image": np.zeros((8, 8, 3), np.uint8), "health": np.zeros((), np.float32)}
     space = Dict({
         "health": Box(0, 100, (), np.dtype(np.float32)),
@@ -92,6 +92,6 @@ def test_parts_of_a_dict_have_the_bounds_of_their_own_spaces() -> None:
 
 
 @pytest.mark.parametrize("array", [np.zeros((2, 3, 4, 5), np.float32), np.zeros(2, np.complex64)])
-def test_what_no_network_here_can_take_is_named(array: np.ndarray) -> None:
+def test_error_names_unsupported_observation(array: np.ndarray) -> None:
     with pytest.raises(SettingError, match=r"\['far'\] must be an array of numbers with at most"):
         parts({"far": array}, None)

@@ -41,17 +41,17 @@ print("equal")
 """
 
 
-def test_one_device_takes_all() -> None:
+def test_one_device_holds_everything() -> None:
     experiment = tiny()
     state = jax.eval_shape(experiment.learner.many.init, experiment.keys())
     assert place(state, experiment.config, jax.devices()[:1]) is state
 
 
 @pytest.mark.parametrize("world", ["plain", pytest.param("rendered", marks=pytest.mark.slow)])
-def test_environments_on_four_devices_give_what_one_gives(world: str) -> None:
+def test_four_devices_give_the_result_of_one(world: str) -> None:
     run_with_devices(4, "-m", "tests.baselines.spread_run", world)
 
 
 @pytest.mark.slow
-def test_two_devices_give_what_one_gives(tmp_path: Path) -> None:
+def test_two_devices_give_the_result_of_one(tmp_path: Path) -> None:
     run_with_devices(2, "-c", CODE, str(tmp_path))

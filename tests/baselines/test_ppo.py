@@ -76,7 +76,7 @@ class Fixed:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_loss_is_that_of_a_hand_computation(seed):
+def test_loss_matches_a_hand_computation(seed):
     rng = np.random.default_rng(seed)
     batch = make_batch(rng)
     logits, value = rng.normal(size=(4, 3, 2)), rng.normal(size=(4, 3, 2))
@@ -133,7 +133,7 @@ def test_advantages_are_normalised_over_minibatches():
     np.testing.assert_allclose(metrics["policy_loss"], parts, rtol=1e-4)
 
 
-def test_an_update_stops_at_a_distance_from_the_policy_that_played():
+def test_update_stops_at_target_kl():
     config, network, params, batch = small()
     played = log_prob(replayed(network, params, batch)[0], batch.steps.action)
     batch = batch.replace(steps=batch.steps.replace(log_prob=played))
@@ -158,7 +158,7 @@ def test_an_update_stops_at_a_distance_from_the_policy_that_played():
     ("advantage", "moved", "gradient"),
     [(1.0, 0.5, 0.0), (1.0, -0.5, 1.0), (-1.0, 0.5, 1.0), (-1.0, -0.5, 0.0)],
 )
-def test_the_clip_stops_what_went_far_enough(advantage, moved, gradient):
+def test_clipping_stops_the_gradient(advantage, moved, gradient):
     batch = make_batch(np.random.default_rng(0), 1, 1)
     steps = batch.steps.replace(
         action=jnp.zeros((1, 1), jnp.int32), log_prob=jnp.log(0.5) * jnp.ones((1, 1)) - moved
@@ -171,7 +171,7 @@ def test_the_clip_stops_what_went_far_enough(advantage, moved, gradient):
     assert bool(jnp.any(slope != 0)) == bool(gradient)
 
 
-def test_the_floor_keeps_small_advantages_small():
+def test_advantage_floor_keeps_small_advantages_small():
     advantage = jnp.array([[1e-3, -1e-3]])
     np.testing.assert_allclose(ppo.normalise(advantage, HParams()), [[1, -1]], rtol=1e-4)
     floored = ppo.normalise(advantage, HParams(advantage_floor=0.1))
@@ -179,7 +179,7 @@ def test_the_floor_keeps_small_advantages_small():
     np.testing.assert_array_equal(ppo.normalise(jnp.ones((2, 2)), HParams()), np.zeros((2, 2)))
 
 
-def test_gradient_is_that_of_finite_differences():
+def test_gradient_matches_finite_differences():
     with enable_x64(True):
         spec = ObservationSpec((Part((3,), False, "log"),))
         config = Config(features=5, hidden=4, head=5)
@@ -205,7 +205,7 @@ def test_gradient_is_that_of_finite_differences():
         assert abs(float(expected)) > 1e-3
 
 
-def test_minibatches_are_all_environments_once():
+def test_minibatches_cover_each_environment_once():
     config = Config(num_envs=12, minibatches=3, shards=2)
     chosen = sample_minibatches(jax.random.key(0), config)
     assert chosen.shape == (3, 2, 2)
@@ -222,7 +222,7 @@ def test_minibatches_are_all_environments_once():
     assert sorted(seen) == list(range(12))
 
 
-def test_every_pass_shuffles_anew():
+def test_each_epoch_shuffles_anew():
     config = Config(num_envs=8, minibatches=2)
     _, mean = passes(jax.random.key(0), config, 3, lambda c, e: (c, e.astype(jnp.float32)), 0)
     np.testing.assert_allclose(mean, 3.5)
@@ -230,7 +230,7 @@ def test_every_pass_shuffles_anew():
     assert not np.array_equal(orders[0], orders[1])
 
 
-def test_optimiser_is_that_of_optax():
+def test_optimiser_matches_optax():
     rng = np.random.default_rng(0)
     draw = lambda: {"a": jnp.asarray(rng.normal(size=(3, 2)).astype(np.float32)), "b": jnp.ones(2)}  # noqa: E731
     params = mine = draw()

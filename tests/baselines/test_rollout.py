@@ -38,7 +38,7 @@ def played():
     return env, network, weights, key, actors, play(actors)
 
 
-def test_every_step_is_that_of_a_plain_loop(played):
+def test_every_step_matches_a_plain_loop(played):
     env, network, weights, key, actors, (after, steps, _, sums, values) = played
     same = Countdown(autoreset="same-step", final_observation=True)
     step = jax.jit(jax.vmap(same.step, in_axes=(0, 0, 0, None)))
@@ -100,11 +100,11 @@ def test_most_truncations():
     limit = Countdown().default_params
     assert [most_truncations(limit, n) for n in (1, 5, 6, 11)] == [1, 1, 2, 3]
     assert most_truncations(object(), 7) == 7
-    # Two of the world in a step: an episode of 5 has 3.
+    # With two world steps per step, an episode of 5 has 3.
     assert [most_truncations(limit, n, 2) for n in (1, 3, 4, 7)] == [1, 1, 2, 3]
 
 
-def test_replay_gives_what_was_played(played):
+def test_replay_reproduces_the_rollout(played):
     _, network, weights, _, actors, (_, steps, *_) = played
     logits, value, _ = jax.jit(network.unroll)(
         weights, steps.obs, steps.previous, steps.first, actors.memory

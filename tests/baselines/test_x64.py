@@ -1,4 +1,4 @@
-"""Training where JAX has 64-bit numbers switched on."""
+"""Training with 64-bit numbers enabled in JAX."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ pytest.importorskip("flax")
 from jaxenstein.baselines import Config, HParams, Learner
 from tests.baselines.worlds import Memory, enable_x64
 
-OWN: dict[str, Any] = {
+BONUS_SIZES: dict[str, Any] = {
     "ppo": {},
     "rnd": {"rnd_hidden": 8, "rnd_output": 8},
     "icm": {"icm_latent": 8, "icm_hidden": 8},
@@ -30,8 +30,8 @@ def test_trainings_have_the_same_types_and_curves(algo: str) -> None:
     env = Memory(delay=4)
     params = env.default_params.replace(max_steps_in_episode=3)
     config = Config(
-        algo=algo, bonus=OWN[algo], num_envs=4, rollout=6, minibatches=2, epochs=2, features=8,
-        hidden=8, head=8, total_steps=240, normalise_bonus=True, persistence=0.5,
+        algo=algo, bonus=BONUS_SIZES[algo], num_envs=4, rollout=6, minibatches=2, epochs=2,
+        features=8, hidden=8, head=8, total_steps=240, normalise_bonus=True, persistence=0.5,
         random_clocks=True, stop_success=0.99,
     )  # fmt: skip
 

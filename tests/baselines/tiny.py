@@ -36,11 +36,11 @@ def tiny(**changes: Any) -> Experiment:
     return resolve({**OPTIONS, **changes})
 
 
-def hardly_trained(path: Path, experiment: Experiment) -> RunFolder:
+def untrained_run(path: Path, experiment: Experiment) -> RunFolder:
     """A run before its first update, whose agents act almost at random."""
     folder = RunFolder.create(path, experiment)
     state = experiment.learner.many.init(experiment.keys())
-    # Larger logits: greedy actions that depend on what is seen, and are not close to a tie.
+    # Larger logits: greedy actions that depend on the observation and are far from a tie.
     heads = jax.tree.map(lambda leaf: leaf * np.float32(30), state.params["heads"])
     folder.checkpoints.save(0, state.replace(params={**state.params, "heads": heads}))
     return folder

@@ -14,12 +14,12 @@ from jaxenstein.environment import Environment, Info, Params, State
 from jaxenstein.spaces import Box
 from jaxenstein.tasks.navigation import Navigation, NavigationState
 
-# Settings of small trainings, and those of each algorithm.
+# Settings of small trainings, and sizes for each algorithm.
 SMALL: dict[str, Any] = {
     "num_envs": 4, "rollout": 6, "minibatches": 2, "epochs": 2, "features": 8, "hidden": 8,
     "head": 8, "total_steps": 24 * 10,
 }  # fmt: skip
-OWN: dict[str, Any] = {
+BONUS_SIZES: dict[str, Any] = {
     "ppo": {},
     "rnd": {"rnd_hidden": 8, "rnd_output": 8},
     "icm": {"icm_latent": 8, "icm_hidden": 8},
@@ -28,7 +28,7 @@ OWN: dict[str, Any] = {
 
 
 class CueState(State):
-    """A state with a number that the agent is to know."""
+    """A state with a number that the agent should know."""
 
     cue: jax.Array
 
@@ -133,14 +133,14 @@ BANDIT_MAP = """
 
 
 def bandit() -> Bandit:
-    """Four start cells, each before a wall of another colour."""
+    """Four start cells, each in front of a wall of a different colour."""
     env, _ = jaxenstein.from_ascii(BANDIT_MAP, heading=0.0, height=16, width=16)
     fields = {field.name: getattr(env, field.name) for field in dataclasses.fields(env)}
     return Bandit(**fields)
 
 
 def enable_x64(on: bool) -> Any:
-    """A context in which 64 bits are switched on or off, under whichever name JAX has it."""
+    """A context with 64-bit numbers enabled or disabled, in any version of JAX."""
     try:
         switch: Any = jax.enable_x64
     except AttributeError:

@@ -1,4 +1,4 @@
-"""Stands in for benchmarks/subjects: what it does is in its name.
+"""Stands in for benchmarks/subjects: its name says what it does.
 
 `steady-N` makes N steps a second, by its own account; `dies` ends in its second chunk; `broken`
 does not start; `hangs` never says that it has started, `stuck` never ends its first chunk.

@@ -1,4 +1,4 @@
-"""Run by test_spread.py: trajectories on several devices beside those on one.
+"""Run by test_spread.py: compare trajectories on several devices with those on one.
 
 python -m tests.benchmarks.spread_run 8                      # devices of one process
 python -m tests.benchmarks.spread_run 2 HOST:PORT 2 INDEX    # devices of each of two
@@ -22,7 +22,7 @@ MAP = "#####\n#S.G#\n#S..#\n#####"
 
 
 def rows(array):
-    """The environments that this process holds of an array: index and values."""
+    """The environments of an array that this process holds: index and values."""
     if jnp.issubdtype(array.dtype, jax.dtypes.prng_key):
         array = jax.random.key_data(array)
     for shard in array.addressable_shards:
@@ -54,7 +54,7 @@ def main():
         for index, values in rows(many):
             np.testing.assert_allclose(values, expected[index], rtol=1e-6, atol=1e-6)
             held += len(values)
-        # What has no elements lies anywhere.
+        # An empty array can be on any device.
         assert held == BATCH // count or not many.size
     episodes = np.concatenate([values for _, values in rows(carries[1].episodes)])
     assert (episodes >= 1).all()
@@ -62,6 +62,6 @@ def main():
 
 
 if __name__ == "__main__":
-    # Where a frame is drawn does not depend on what it shows.
+    # The device of a frame does not depend on its content.
     with mock.patch("jaxenstein.tasks.first_person.render", plain_frame):
         main()

@@ -1,4 +1,4 @@
-"""What is measured does what it says, and the commands beside the suite run, with tiny sizes."""
+"""Subjects do what their names say, and the other commands run at tiny sizes."""
 
 import json
 import os
@@ -22,7 +22,7 @@ from jaxenstein.errors import SettingError
 ROOT = Path(__file__).parents[2]
 
 
-def test_frames_are_drawn_and_those_of_the_states():
+def test_frames_are_drawn_from_the_states():
     env, params = jaxenstein.make("simple", height=6, width=8)
     obs, state = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 3), params)
     first, place = np.asarray(obs), np.asarray(state.position)
@@ -58,7 +58,7 @@ def test_convolutions(layer):
 
 
 def run(module, *words):
-    """Run a command in an interpreter of its own; returns what it printed."""
+    """Run a command in a separate interpreter; return its output."""
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     environment = {**os.environ, "PYTHONPATH": paths, "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, "-W", "error", "-m", module, *map(str, words)]
@@ -69,7 +69,7 @@ def run(module, *words):
     return done.stdout
 
 
-def test_eight_devices_are_one():
+def test_eight_devices_give_the_result_of_one():
     assert run("tests.benchmarks.spread_run", 8).endswith("equal\n")
 
 
@@ -91,7 +91,7 @@ def test_environments_must_divide_evenly():
 
 
 @pytest.mark.slow
-def test_an_accelerator(tmp_path, monkeypatch, capsys):
+def test_accelerator_benchmark_writes_a_report(tmp_path, monkeypatch, capsys):
     file = tmp_path / "device.json"
     words = ["--ids", "simple", "--batches", "2", "--sizes", "8x6", "--seconds", "0.01"]
     words += ["--repeats", "2", "--steps", "2", "--copy-bytes", "4096", "--json", str(file)]

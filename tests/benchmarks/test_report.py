@@ -48,7 +48,7 @@ def cells(text, title):
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 
-def test_the_command_fills_the_pages_from_the_files(tmp_path):
+def test_command_fills_pages_from_result_files(tmp_path):
     pytest.importorskip("matplotlib")
     sampled, out = results(tmp_path), tmp_path / "pages"
     with pytest.raises(SettingError, match="are results of a quick run"):
@@ -71,7 +71,7 @@ def test_the_command_fills_the_pages_from_the_files(tmp_path):
     assert pictures == set(report.PLOTS)
 
 
-def test_the_pages_in_docs_are_those_of_the_committed_results():
+def test_pages_in_docs_match_committed_results():
     """No figure is typed by hand."""
     folder, docs = ROOT / "benchmarks" / "results" / "epyc-2core", ROOT / "docs"
     for name, text in pages(read_results(folder), folder).items():

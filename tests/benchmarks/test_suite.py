@@ -38,7 +38,7 @@ def test_groups_are_complete(plan):
         for subject in group:
             assert set(subject.references.values()) <= set(names)
             assert subject.peer in ("", *PEERS)
-            # What does without this project runs under the interpreter of a peer.
+            # A subject that does not need this project runs under the interpreter of a peer.
             assert subject.flags is not None or subject.peer
         kinds |= {re.sub(r"-\d+$", "", name.split()[0]) for name in names}
     assert len(kinds) > 6
@@ -52,7 +52,7 @@ def test_every_environment_is_measured():
     assert {f"scan-256 id={name}" for name in MAIN_IDS} <= names
 
 
-def test_what_fails_is_noted_and_stops_no_other(small):
+def test_failure_is_recorded_and_others_still_run(small):
     subjects = [
         Subject("steady-50", "steady"),
         *PARTLY,
@@ -67,7 +67,7 @@ def test_what_fails_is_noted_and_stops_no_other(small):
     assert "failed" in rows["never"]
 
 
-def test_a_subject_that_hangs_is_given_up(small, monkeypatch):
+def test_hanging_subject_times_out(small, monkeypatch):
     monkeypatch.setattr(measure, "LIMIT", 0.5)
     with pytest.raises(SubjectError, match=r"no answer within 0\.5 s"):
         Worker(Subject("hangs", ""), None)
@@ -77,7 +77,7 @@ def run(folder, *words):
     suite.main([*words, "--json", str(folder), "--rounds", "1", "--seconds", "0.01"])
 
 
-def test_a_file_a_part_and_going_on(small, tmp_path, capsys):
+def test_each_part_has_a_file_and_can_resume(small, tmp_path, capsys):
     folder = tmp_path / "deep" / "results"
     run(folder, "first")
     report = json.loads((folder / "first.json").read_text())
@@ -98,7 +98,7 @@ def test_a_file_a_part_and_going_on(small, tmp_path, capsys):
     ("words", "told"),
     [(["thirst"], "unknown part: thirst"), (["first", "--core", "9999"], "no core 9999")],
 )
-def test_wrong_words(small, capsys, words, told):
+def test_wrong_arguments(small, capsys, words, told):
     with pytest.raises(SystemExit):
         suite.main(words)
     assert told in capsys.readouterr().err

@@ -14,7 +14,7 @@ from jaxenstein.cli import main
 from jaxenstein.settings import spec_from
 from jaxenstein.spec import Spec
 from jaxenstein.speed import measuring
-from jaxenstein.speed.measuring import BenchmarkError, Settings, measure_apart, summarise
+from jaxenstein.speed.measuring import BenchmarkError, Settings, measure_in_process, summarise
 
 
 def fake(settings: Settings) -> dict[str, object]:
@@ -34,7 +34,7 @@ def fake(settings: Settings) -> dict[str, object]:
 def test_table_and_json(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measuring, "measure_apart", fake)
+    monkeypatch.setattr(measuring, "measure_in_process", fake)
     path = tmp_path / "b.json"
     arguments = ["simple", "key-door", "--batch", "4,8", "--size", "20x10", "--json", str(path)]
     arguments += ["--frame-skip", "3"]
@@ -59,11 +59,11 @@ def test_summary_is_median_and_quartiles() -> None:
 
 
 @pytest.mark.slow
-def test_measures_in_a_process_of_its_own() -> None:
+def test_measures_in_a_separate_process() -> None:
     core = min(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     small = spec_from({"env": "simple", "height": 8, "width": 8, "frame_skip": 3})
     settings = Settings("small", asdict(small), batch=2, steps=4, repeats=3, core=core)
-    result = measure_apart(settings)
+    result = measure_in_process(settings)
     rates = result["steps_per_second"]
     assert len(result["seconds"]) == len(rates["repeats"]) == 3
     assert rates["lower_quartile"] <= rates["median"] <= rates["upper_quartile"]
@@ -80,16 +80,16 @@ def test_measures_in_a_process_of_its_own() -> None:
     assert (result["id"], result["height"], result["frame_skip"]) == ("small", 8, 3)
 
 
-def test_failing_process_is_told_in_one_line(
+def test_failing_process_gives_a_one_line_error(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nowhere = Settings("x", asdict(Spec("nowhere", 0, {}, {})), batch=2, steps=4, repeats=3)
     with pytest.raises(BenchmarkError, match=r"^measuring x with batch 2 failed: .*nowhere"):
-        measure_apart(nowhere)
+        measure_in_process(nowhere)
 
     def fail(settings: Settings) -> None:
         raise BenchmarkError("measuring failed: Killed")
 
-    monkeypatch.setattr(measuring, "measure_apart", fail)
+    monkeypatch.setattr(measuring, "measure_in_process", fail)
     assert main(["bench", "simple"]) == 1
     assert capsys.readouterr().err.splitlines()[-1] == "jaxenstein: measuring failed: Killed"

@@ -38,7 +38,7 @@ def kept(folder: Path) -> dict[str, int]:
 
 
 @pytest.mark.slow
-def test_the_second_call_finds_what_the_first_compiled(home: Path) -> None:
+def test_second_call_reuses_compiled_programs(home: Path) -> None:
     shown, _ = rollout("--no-cache")
     assert not home.exists()
     assert rollout()[0] == shown
@@ -54,14 +54,14 @@ def test_the_second_call_finds_what_the_first_compiled(home: Path) -> None:
 
 ADD = """
 import resource, sys
-from jaxenstein.cli.opening import telling_warnings
+from jaxenstein.cli.opening import printing_warnings
 from jaxenstein.cli.compile_cache import keep_programs
 if len(sys.argv) > 1:
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
 keep_programs()
 import jax
 print(jax.jit(lambda x: x * 3)(2))
-with telling_warnings():
+with printing_warnings():
     print(jax.jit(lambda x: x * 5)(2))
 """
 
@@ -72,8 +72,8 @@ def add(*arguments: str) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "6\n10\n", "")
 
 
-def test_programs_that_were_cut_off_are_made_anew_without_a_word(home: Path) -> None:
-    """By a kill during writing, or by a full disk, simulated by a limit."""
+def test_truncated_programs_are_silently_recompiled(home: Path) -> None:
+    """Truncated by a kill during writing, or by a full disk, which a limit simulates."""
     add("100")
     assert not kept(home)
     add()
@@ -87,7 +87,7 @@ def test_programs_that_were_cut_off_are_made_anew_without_a_word(home: Path) -> 
     assert {path: path.stat().st_size for path in home.rglob("*-cache")} == before
 
 
-def test_jax_is_told_of_the_folder_unless_it_knows_one(
+def test_folder_is_set_in_jax_unless_already_set(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: dict[str, object] = {}
@@ -107,7 +107,7 @@ def test_jax_is_told_of_the_folder_unless_it_knows_one(
     assert told == {}
 
 
-def test_the_least_recently_used_programs_go(home: Path) -> None:
+def test_least_recently_used_programs_are_removed(home: Path) -> None:
     folder = home / "cache" / "jaxenstein" / "x"
     folder.mkdir(parents=True)
     (folder / "note").write_bytes(bytes(1000))
@@ -121,20 +121,20 @@ def test_the_least_recently_used_programs_go(home: Path) -> None:
     assert (folder / "note").exists()
 
 
-def test_a_folder_of_others_is_not_ours(home: Path) -> None:
+def test_folder_of_another_user_is_not_used(home: Path) -> None:
     (home / "folder").mkdir(parents=True)
     (home / "folder").chmod(0o700)
     (home / "link").symlink_to(home / "folder")
-    assert compile_cache.is_ours(home / "folder")
-    assert not compile_cache.is_ours(home / "link")
+    assert compile_cache.is_private(home / "folder")
+    assert not compile_cache.is_private(home / "link")
     for mode, safe in ((0o777, False), (0o1777, True)):
         home.chmod(mode)
-        assert compile_cache.is_ours(home / "folder") == safe
+        assert compile_cache.is_private(home / "folder") == safe
     (home / "folder").chmod(0o770)
-    assert not compile_cache.is_ours(home / "folder")
+    assert not compile_cache.is_private(home / "folder")
 
 
-def test_another_processor_has_a_folder_of_its_own(
+def test_each_processor_type_has_its_own_folder(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = compile_cache.programs_folder()

@@ -28,7 +28,7 @@ def lab(tmp_path: Path) -> Path:
     return path
 
 
-def test_prints_the_map_alone(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_prints_only_the_map(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["convert", str(lab)]) == 0
     out, err = capsys.readouterr()
     assert out == TILEMAP.tile_text()
@@ -60,13 +60,13 @@ def test_without_faces_there_is_one_file(tmp_path: Path) -> None:
     assert read_map(out) == {"text": PICTURE}
 
 
-def test_a_map_without_goal_is_told(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_map_without_goal_is_refused(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lab.write_text(labmaps.write_map(PICTURE.replace("G", "a")))
     assert main(["convert", str(lab)]) == 0
     assert "no goal" in capsys.readouterr().err
 
 
-def test_warnings_take_a_line_each(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_warning_takes_one_line(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lab.write_text(labmaps.write_map("#####\n#S#G#\n#####").replace("{\n", "", 1))
     assert main(["convert", str(lab)]) == 0
     warnings = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
@@ -113,16 +113,16 @@ def test_wrong_arguments(
     assert {path: path.stat().st_mtime_ns for path in lab.parent.iterdir()} == before
 
 
-def test_unwritable_targets_are_told(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unwritable_targets_are_refused(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["convert", str(lab), "--out", str(lab.parent / "none" / "a.txt")]) == 1
     assert "there is no folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("fails", [1, 2])
-def test_a_full_disk_leaves_nothing(
+def test_full_disk_leaves_nothing(
     fails: int, lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whichever of the two files cannot be written."""
+    """For either of the two files."""
     write, written = Path.write_text, []
 
     def fill_up(path: Path, text: str, **options: str) -> int:
@@ -140,7 +140,7 @@ def test_a_full_disk_leaves_nothing(
 
 
 class Converted:
-    """Stands for `jaxenstein.maps.importers.minigrid.MiniGridMap`."""
+    """Stands in for `jaxenstein.maps.importers.minigrid.MiniGridMap`."""
 
     tilemap = TileMap(
         "MiniGrid-Small-v0", tiles=(b"\2\2\2\2", b"\2\0\0\2", b"\2\2\2\2"), spawns=((1, 1),),
@@ -169,7 +169,7 @@ def test_minigrid(
     assert "--heading 270" in printed
 
 
-def test_minigrid_that_cannot_be_used(
+def test_unusable_minigrid_is_refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def convert_id(id: str, seed: int) -> Converted:
@@ -180,7 +180,7 @@ def test_minigrid_that_cannot_be_used(
     assert capsys.readouterr().err == "jaxenstein: needs the package minigrid\n"
 
 
-def test_map_files_come_with_what_lies_beside_them(tmp_path: Path) -> None:
+def test_regions_file_beside_a_map_is_read(tmp_path: Path) -> None:
     path = tmp_path / "maze.txt"
     path.write_text("###\n#S#\n###")
     assert read_map(path) == {"text": "###\n#S#\n###"}

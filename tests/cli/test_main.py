@@ -42,7 +42,7 @@ def test_list_names_every_environment(capsys: pytest.CaptureFixture[str]) -> Non
     assert err == ""
 
 
-def test_list_gives_variants_rows_on_demand(
+def test_list_all_includes_variants(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     some = ["t-maze", "doom-basic", "doom-simpler-basic"]
@@ -55,7 +55,7 @@ def test_list_gives_variants_rows_on_demand(
         assert told == (rows != some)
 
 
-def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_shows_number_of_levels(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "simple", "key-corridor-s3r1", "memory-maze-9x9"]) == 0
     table, notes = capsys.readouterr().out.split("\n\n")
     rows = [line.split() for line in table.splitlines() if line[0] != " "]
@@ -68,7 +68,7 @@ def test_list_tells_how_many_levels_there_are(capsys: pytest.CaptureFixture[str]
     assert "levels: number of different levels; + means at least this many" in notes
 
 
-def test_list_tells_which_actions_are_whose() -> None:
+def test_list_shows_actions_per_environment() -> None:
     five, three = ("a", "b", "c", "d", "e"), ("a", "b", "c")
     assert listing.actions_of({"x": five, "y": five}) == ["actions of all: 0 a, 1 b, 2 c, 3 d, 4 e"]
     assert listing.actions_of({"x": three, "y": five, "z": five}) == [
@@ -105,7 +105,7 @@ def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -
     assert max(len(line) for line in out.splitlines()) <= 100
 
 
-def test_without_a_command_there_is_help(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     out = capsys.readouterr().out
     assert out == build_parser().format_help()
@@ -192,7 +192,9 @@ def test_wrong_arguments_get_one_line_and_code_2(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_bad_map_file_names_the_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_error_in_map_file_names_the_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "bad.txt"
     path.write_text("#####\n#S~G#\n#####\n")
     assert main(["rollout", "--map-file", str(path)]) == 2
@@ -250,11 +252,11 @@ LONG = "a" * 300
         ["train", "--resume", "--out", LONG],
     ],
 )
-def test_names_that_no_file_can_have_get_one_line_and_code_2(
+def test_impossible_file_names_get_one_line_and_code_2(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    """`Path.exists` raises for them, and in folders of other users."""
+    """`Path.exists` raises for such names, and in folders of other users."""
     if arguments[0] not in ("record", "replay", "score"):
         pytest.importorskip("flax")
     pytest.importorskip("matplotlib")
@@ -275,8 +277,8 @@ def test_interrupt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
-def test_a_signal_ends_a_command_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that no part of a file stays behind."""
+def test_signal_ends_a_command_cleanly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No partial file is left."""
     ended = []
 
     def work(_: object) -> None:
@@ -295,7 +297,7 @@ def test_a_signal_ends_a_command_in_order(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signal")
-def test_signals_that_are_ignored_stay_so() -> None:
+def test_ignored_signals_stay_ignored() -> None:
     """`nohup jaxenstein train` must outlive its terminal."""
 
     def answer(number: int, frame: object) -> None:
@@ -316,7 +318,7 @@ def test_commands_run_in_any_thread(capsys: pytest.CaptureFixture[str]) -> None:
     assert "key-door" in capsys.readouterr().out
 
 
-def test_errors_of_jax_get_one_line(
+def test_jax_errors_get_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def run_out(_: object) -> None:
@@ -356,7 +358,7 @@ def test_warnings_about_a_map_are_one_line(
     assert "none" in second
 
 
-def test_errors_do_not_command_the_terminal(
+def test_errors_escape_control_characters(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Control characters in a file must not reach the terminal."""

@@ -57,7 +57,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 WORLD = ["--map-file", "map.txt", "--heading", "0", "--set", "height=8", "--set", "width=12"]
 
 
-def test_evaluate_plays_it(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_evaluate_plays_own_policy(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["evaluate", "--policy", f"{module}:forward", *WORLD, "--episodes", "3"]
     assert main([*arguments, "--json", "r.json", "--gif", "a.gif"]) == 0
     shown = capsys.readouterr().out.splitlines()
@@ -79,7 +79,7 @@ def test_evaluate_plays_it(module: str, capsys: pytest.CaptureFixture[str]) -> N
         assert getattr(film, "n_frames", 1) > 20
 
 
-def test_a_memory_begins_anew_with_each_episode(module: str) -> None:
+def test_memory_resets_with_each_episode(module: str) -> None:
     env, params = jaxenstein.from_ascii("#######\n#S...G#\n#######", heading=0, height=8, width=12)
     from jaxenstein.cli.opening import import_modules
 
@@ -94,7 +94,7 @@ def test_a_memory_begins_anew_with_each_episode(module: str) -> None:
         assert session.actions == [forward, forward, left, forward, forward, left, forward]
 
 
-def test_record_and_play_take_it(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_record_and_play_accept_own_policy(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     where = ["--map-file", "map.txt", "--heading", "0", "--height", "8", "--width", "12"]
     given = ["record", *where, "--policy", f"{module}:every_third"]
     assert main([*given, "--steps", "6", "--save", "walk.json"]) == 0
@@ -122,7 +122,7 @@ def test_record_and_play_take_it(module: str, capsys: pytest.CaptureFixture[str]
         ([], "give either RUN or --policy MODULE:FUNCTION"),
     ],
 )
-def test_what_is_wrong_is_told(
+def test_wrong_policies_are_refused(
     module: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = [word.format(module) for word in arguments]
@@ -130,12 +130,14 @@ def test_what_is_wrong_is_told(
     assert message in capsys.readouterr().err
 
 
-def test_a_missing_place_is_told(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_environment_is_reported(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "--policy", f"{module}:forward"]) == 2
     assert "give an environment with --env ID" in capsys.readouterr().err
 
 
-def test_who_gives_it_as_a_run_is_told_how(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_error_for_policy_given_as_run_names_the_flag(
+    module: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("flax")
     for text in (f"{module}:forward", f"{module}.py"):
         assert main(["evaluate", text]) == 2

@@ -98,7 +98,7 @@ def reference(actions: Sequence[int], seed: int = 0) -> list[np.ndarray]:
     return [np.asarray(session.observation), *(np.asarray(session.step(a)) for a in actions)]
 
 
-def test_from_the_notice_to_the_goal(
+def test_game_runs_from_notice_to_goal(
     play_in_window: PlayInWindow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gif, file = tmp_path / "game.gif", tmp_path / "game.json"
@@ -117,7 +117,7 @@ def test_from_the_notice_to_the_goal(
         wanted = np.kron(frame, np.ones((scale, scale, 1), np.uint8))
         if not look["overlay"]:
             np.testing.assert_array_equal(cut(look, look["view_box"]), wanted)
-    # The map stands beside the view from M on, to the next M, and changes with each move.
+    # The map is beside the view from one M to the next, and changes with each move.
     assert first["beside_box"] is None
     maps = [cut(look, look["beside_box"]) for look in (mapped, *moves[: len(FINISHED)])]
     for before, after in itertools.pairwise(maps):
@@ -138,7 +138,9 @@ def test_from_the_notice_to_the_goal(
     assert main(["replay", str(file)]) == 0
 
 
-def test_nothing_is_lost_however_it_ends(play_in_window: PlayInWindow, tmp_path: Path) -> None:
+def test_files_are_written_however_the_game_ends(
+    play_in_window: PlayInWindow, tmp_path: Path
+) -> None:
     def close() -> None:
         pygame = pytest.importorskip("pygame")
         pygame.event.post(pygame.event.Event(pygame.QUIT))
@@ -159,7 +161,9 @@ def test_nothing_is_lost_however_it_ends(play_in_window: PlayInWindow, tmp_path:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_signals_end_it_in_order(play_in_window: PlayInWindow, tmp_path: Path, number: int) -> None:
+def test_signals_end_the_game_cleanly(
+    play_in_window: PlayInWindow, tmp_path: Path, number: int
+) -> None:
     file = tmp_path / "game.json"
     # `nohup` ignores SIGHUP, and `play` leaves ignored signals alone.
     before = signal.signal(number, signal.SIG_DFL)
@@ -173,7 +177,7 @@ def test_signals_end_it_in_order(play_in_window: PlayInWindow, tmp_path: Path, n
     assert json.loads(file.read_text())["actions"] == [[FORWARD, 1]]
 
 
-def test_without_a_step_there_is_nothing_to_write(
+def test_no_file_is_written_without_a_step(
     play_in_window: PlayInWindow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     play_in_window(["m", "q"], "--record", str(tmp_path / "a.gif"))
@@ -186,7 +190,7 @@ def test_help_says_what_agents_see(play_in_window: PlayInWindow) -> None:
     assert "16x12 pixels; the default for agents is 64x64 (--native)" in looks[-1]["overlay"]
 
 
-def test_input_that_is_no_terminal_is_told(
+def test_non_terminal_input_is_refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(terminal_module.os, "isatty", lambda descriptor: False)
@@ -195,7 +199,7 @@ def test_input_that_is_no_terminal_is_told(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
-def test_without_a_display_it_suggests_the_terminal(
+def test_error_without_display_suggests_the_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("pygame")
@@ -205,7 +209,7 @@ def test_without_a_display_it_suggests_the_terminal(
     assert "--terminal plays in the terminal" in capsys.readouterr().err
 
 
-def test_without_pygame_it_names_the_extra(
+def test_error_without_pygame_names_the_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
@@ -215,7 +219,7 @@ def test_without_pygame_it_names_the_extra(
     assert "--terminal" in said
 
 
-def test_one_file_that_fails_does_not_cost_the_other(
+def test_one_failing_file_does_not_lose_the_other(
     play_in_window: PlayInWindow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, gif = tmp_path / "folder", tmp_path / "a.gif"
@@ -228,7 +232,7 @@ def test_one_file_that_fails_does_not_cost_the_other(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX terminals")
 @pytest.mark.slow
-def test_a_terminal_that_goes_away_does_not_cost_the_files(tmp_path: Path) -> None:
+def test_closed_terminal_does_not_lose_the_files(tmp_path: Path) -> None:
     emulator = Emulator(16, 8)
     file, gif = tmp_path / "game.json", tmp_path / "game.gif"
     arguments = ["play", "key-door", "--terminal", "--save", str(file), "--record", str(gif)]
@@ -246,7 +250,7 @@ def test_a_terminal_that_goes_away_does_not_cost_the_files(tmp_path: Path) -> No
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX terminals")
-def test_in_the_terminal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_game_in_the_terminal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # Just as wide as 16 pixels of the shape 4:3, and as high as 12 with two lines of text.
     emulator = Emulator(16, 8)
     here = functools.partial(terminal_module.Terminal, emulator.slave, emulator.slave)

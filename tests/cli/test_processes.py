@@ -28,8 +28,8 @@ RUN = "import sys; from jaxenstein.cli import main; sys.exit(main({}))"
 SIGNAL = """
 import os, signal
 from jaxenstein.baselines.runs import training
-agree, calls = training.anywhere, iter(range(9))
-training.anywhere = lambda *flags: (
+agree, calls = training.any_process, iter(range(9))
+training.any_process = lambda *flags: (
     next(calls) == {} and os.kill(os.getpid(), signal.{}), agree(*flags)
 )[1]
 """
@@ -50,7 +50,7 @@ training.anywhere = lambda *flags: (
         ),
     ],
 )
-def test_refusals(
+def test_invalid_process_flags_are_refused(
     words: str,
     message: str,
     tmp_path: Path,
@@ -66,7 +66,7 @@ def test_refusals(
 def train(
     out: Path, flags: list[str], number: int, devices: int, before: str = ""
 ) -> list[subprocess.CompletedProcess[str]]:
-    """Train in so many processes with so many devices each; process 1 runs `before` first."""
+    """Train in several processes with several devices each; process 1 runs `before` first."""
     port, begun = free_port(), []
     for process in range(number):
         page = COMMAND[: None if number > 1 else COMMAND.index("--coordinator")]
@@ -99,7 +99,7 @@ ONE = [*FLAGS[:-1], "--seeds=1"]
 # Starts up to five processes: only processes with their own devices show what works across them.
 @pytest.mark.slow
 @pytest.mark.parametrize("share", ["--seeds=2", "--shards=2"])
-def test_two_processes_train_what_one_trains(share: str, tmp_path: Path) -> None:
+def test_two_processes_give_the_training_of_one(share: str, tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     (alone,) = train(one, [*ONE, share], 1, 2)
     both = train(two, [*ONE, share], 2, 1)
@@ -118,9 +118,9 @@ def test_two_processes_train_what_one_trains(share: str, tmp_path: Path) -> None
     assert "another" in second.stderr
 
 
-# Starts ten processes: only a process that dies shows what becomes of the others.
+# Starts ten processes: only a killed process shows how the others react.
 @pytest.mark.slow
-def test_a_killed_training_goes_on_in_other_numbers(tmp_path: Path) -> None:
+def test_killed_training_resumes_with_other_process_counts(tmp_path: Path) -> None:
     flags = [*ONE, "--num-envs=8", f"--total-steps={UPDATES * 8 * 8}", "--shards=4"]
     (alone,) = train(tmp_path / "alone", flags, 1, 4)
     assert alone.returncode == 0, alone.stderr

@@ -1,4 +1,4 @@
-"""`jaxenstein record`: one episode beside its map."""
+"""`jaxenstein record`: one episode with its map."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def episode(world: World) -> Episode:
     return play(Session(*world), Script(script), len(script))
 
 
-def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
+def test_episode_describes_events(world: World, episode: Episode) -> None:
     played = episode
     happened = [event for event in played.events if event]
     assert happened == ["picked up a key", "opened a door", "reached the goal"]
@@ -74,7 +74,7 @@ def test_episode_tells_what_happened(world: World, episode: Episode) -> None:
     assert played.variables == {}
 
 
-def test_pictures_show_view_and_path(episode: Episode) -> None:
+def test_images_show_view_and_path(episode: Episode) -> None:
     played = episode
     pictures = list(Pictures(played, with_map=True, scale=10))
     assert len(pictures) == played.steps + 1
@@ -87,7 +87,7 @@ def test_pictures_show_view_and_path(episode: Episode) -> None:
     )
 
 
-def test_long_episodes_can_be_thinned_out(episode: Episode) -> None:
+def test_long_episodes_can_be_subsampled(episode: Episode) -> None:
     every = list(Pictures(episode, with_map=True, scale=4))
     some = list(Pictures(episode, with_map=True, scale=4, every=7))
     chosen = [*range(0, episode.steps, 7), episode.steps]
@@ -101,7 +101,7 @@ FIELD = parse_ascii("########\n#S.....#\n########", "field", goal_required=False
 
 
 def moving_things() -> Episode:
-    """An agent that is put elsewhere after two steps, and a medkit and an apple that come and go.
+    """An agent that respawns after two steps, and a medkit and an apple that come and go.
 
     The medkit lies at (2.5, 1.5) in frame 1 alone, the apple at (4.5, 1.5) but in frame 2.
     """
@@ -132,12 +132,12 @@ def test_things_appear_and_vanish_from_frame_to_frame() -> None:
     assert apple == [True, True, False, True]
 
 
-def test_a_new_start_is_no_path() -> None:
+def test_respawn_is_not_drawn_as_path() -> None:
     played = moving_things()
     *_, last = Pictures(played, with_map=True, scale=96)
     played.visible[:] = False
     *_, bare = Pictures(played, with_map=True, scale=96)
-    # The map is the right part, 56 pixels a tile; between old and new start there is floor.
+    # The map is on the right, 56 pixels per tile; there is floor between the old and new start.
     left = last.shape[1] - 6 - 8 * 56
     top = (last.shape[0] - CAPTION_HEIGHT - 3 * 56) // 2
     middle = bare[top + 84, left + 3 * 56 : left + 6 * 56]
@@ -187,7 +187,7 @@ def test_files(
         (["--save", "{}/a.json", "--policy", "idle"], "a.json", "1000 steps, return 0, truncated"),
     ],
 )
-def test_each_file_alone_and_what_ended_the_episode(
+def test_single_output_files_and_episode_ending(
     world: World,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -206,7 +206,7 @@ def test_actions_by_number_name_and_count() -> None:
     assert parse_actions("2,2, forward*3 ,interact,0 * 2", NAMES) == [2, 2, 2, 2, 2, 4, 0, 0]
 
 
-def test_every_named_policy_acts_or_says_why_not(world: World) -> None:
+def test_every_named_policy_acts_or_explains_why_not(world: World) -> None:
     for name in (*GENERAL, "shortest_path"):
         assert play(Session(*world), named_policy(name, *world, 0), 3).steps == 3, name
     known = "idle, random, shortest_path, expert"
@@ -216,7 +216,7 @@ def test_every_named_policy_acts_or_says_why_not(world: World) -> None:
         named_policy("shortest-path", *world, 0)
 
 
-def test_a_player_says_why_it_waits(world: World) -> None:
+def test_player_explains_why_it_waits(world: World) -> None:
     patient = Player("waits a while", lambda env, params: waiting, waits="waits: too early")
     played = play(Session(*world), Scripted(patient, *world), 4)
     assert played.events[:4] == ("waits: too early", "waits: too early", "", "")

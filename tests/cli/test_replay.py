@@ -37,7 +37,7 @@ def edited(saved: Path, path: Path, **changes: Any) -> Path:
     return path
 
 
-def test_record_saves_what_was_played(saved: Path) -> None:
+def test_record_saves_the_episode(saved: Path) -> None:
     trajectory = load_trajectory(saved)
     assert trajectory.actions == (2, 2, 2, 2, 2, 0, 0, 0, 4)
     assert trajectory.seed == 7
@@ -45,7 +45,7 @@ def test_record_saves_what_was_played(saved: Path) -> None:
     assert trajectory.environment.settings["height"] == 8
 
 
-def test_replay_is_the_same(
+def test_replay_is_identical(
     saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outputs = ["--out", str(tmp_path / "b.gif"), "--sheet", str(tmp_path / "b.png")]
@@ -59,7 +59,7 @@ def test_replay_is_the_same(
         assert sheet.format == "PNG"
 
 
-def test_replay_tells_what_differs(
+def test_replay_reports_differences(
     saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = json.loads(saved.read_text())

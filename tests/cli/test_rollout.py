@@ -54,7 +54,7 @@ def test_animation_shows_all_environments_over_time(made: tuple[Path, str]) -> N
         assert (first != np.asarray(gif.convert("RGB"))).any()
 
 
-def test_contact_sheet_has_a_row_an_environment(made: tuple[Path, str]) -> None:
+def test_contact_sheet_has_a_row_per_environment(made: tuple[Path, str]) -> None:
     folder, _ = made
     scale = -(-rollout.SHEET_HEIGHT // 8)
     with Image.open(folder / "tiny.png") as sheet:
@@ -62,8 +62,8 @@ def test_contact_sheet_has_a_row_an_environment(made: tuple[Path, str]) -> None:
     assert sorted(path.name for path in folder.iterdir()) == ["tiny.gif", "tiny.png", "tiny.txt"]
 
 
-def test_counts_are_those_of_the_environment() -> None:
-    """The tally against the same environments stepped one by one."""
+def test_counts_match_the_environment() -> None:
+    """Compare the counts with the same environments stepped one by one."""
     env, params = jaxenstein.from_ascii(MAP, height=4, width=4)
     params = params.replace(max_steps_in_episode=7, goal_radius=1.2, living_reward=-0.25)
     advance, carry = rollout.compile_rollout(env, params, envs=3, seed=5, watched=2)

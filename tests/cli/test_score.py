@@ -1,4 +1,4 @@
-"""`jaxenstein score`: tables, files, plots, and what it refuses."""
+"""`jaxenstein score`: tables, files, plots, and refused input."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def scores_of(tasks: dict[str, list[list[float]]]) -> list[list[float]]:
     return scores
 
 
-def test_returns_alone(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_score_from_returns_only(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 0
     table, chance = capsys.readouterr().out.split("\n\n")
     heading, *rows = (re.split(r" {2,}", line) for line in table.splitlines())
@@ -91,7 +91,7 @@ def test_aggregates_and_files(
     assert report["probability_of_improvement"]["value"] == pytest.approx(right)
 
 
-def test_a_single_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_single_run_gets_a_note(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (path,) = write_all(tmp_path, {"a.json": results_of("simple", [[0.0, 1.0, 1.0]])})
     assert main(["score", str(path)]) == 0
     table, note = capsys.readouterr().out.splitlines()[1:]

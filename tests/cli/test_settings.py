@@ -69,7 +69,7 @@ def test_flags_become_settings_and_params(command: str) -> None:
         (["--frame-skip", "x"], "must be a whole number from 1 to 64, not 'x'"),
     ],
 )
-def test_mistakes_are_told_in_one_line(
+def test_mistakes_give_one_line_errors(
     command: str,
     arguments: list[str],
     message: str,
@@ -85,7 +85,7 @@ def test_mistakes_are_told_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_another_look_takes_the_place_of_that_of_a_run() -> None:
+def test_given_look_replaces_look_of_a_run() -> None:
     trained = spec_from({"env": "simple", "look": "random", "look_seeds": [0, 100]})
     other = changed(trained, {"settings": {"look_seeds": [100, 200], "look_range": 0.5}})
     assert (
@@ -101,7 +101,7 @@ def test_another_look_takes_the_place_of_that_of_a_run() -> None:
         spec_from({"env": "simple", "look_seeds": [0, 100]})
 
 
-def test_a_recipe_comes_back_from_its_options() -> None:
+def test_spec_round_trips_through_options() -> None:
     given = {
         "map": "####\n#SG#\n####",
         "regions": "####\n#12#\n####",
@@ -116,7 +116,7 @@ def test_a_recipe_comes_back_from_its_options() -> None:
     assert spec_from(given_by(other)) == other
 
 
-def test_a_changed_recipe_keeps_how_it_is_seen() -> None:
+def test_changed_spec_keeps_shared_settings() -> None:
     spec = spec_from(
         {"env": "health-gathering", "settings": {"hud": True}, "height": 9, "horizon": 5}
     )

@@ -17,8 +17,17 @@ from jaxenstein.results import read_results
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 # 1 / 16,000 of the decisions is 187.
-LITTLE = ["--budget", "0.0000625", "--num-envs", "4", "--rollout", "32", "--minibatches", "2"]
-TINY = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
+SHORT_TRAINING = [
+    "--budget",
+    "0.0000625",
+    "--num-envs",
+    "4",
+    "--rollout",
+    "32",
+    "--minibatches",
+    "2",
+]
+TINY_NETWORK = ["--features", "8", "--hidden", "8", "--head", "8", "--epochs", "1", "--seeds", "2"]
 
 
 @pytest.fixture
@@ -31,7 +40,7 @@ def two_tasks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("two_tasks")
 def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
-    train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *LITTLE, *TINY]
+    train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *SHORT_TRAINING, *TINY_NETWORK]
     assert main(train) == 0
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment
@@ -87,7 +96,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
         (["--budget", "-1"], "--budget"),
     ],
 )
-def test_what_the_suite_fixes_is_refused(
+def test_flags_fixed_by_the_suite_are_refused(
     words: list[str], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "--suite", "--out", "new", *words]) == 2
@@ -96,7 +105,7 @@ def test_what_the_suite_fixes_is_refused(
 
 
 @pytest.mark.usefixtures("two_tasks")
-def test_evaluate_refuses_what_does_not_belong_together(
+def test_evaluate_refuses_conflicting_arguments(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for words, told in (
@@ -116,7 +125,7 @@ def test_evaluate_refuses_what_does_not_belong_together(
 
 
 @pytest.mark.usefixtures("two_tasks")
-def test_a_policy_is_checked_on_all_tasks_before_it_plays(
+def test_policy_is_checked_on_all_tasks_first(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def play(*_: object, **__: object) -> None:
@@ -131,7 +140,7 @@ def test_a_policy_is_checked_on_all_tasks_before_it_plays(
     assert "policy(obs, key) must be one whole number" in capsys.readouterr().err
 
 
-def test_the_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_shows_every_task(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--suite", "large"]) == 0
     shown = capsys.readouterr().out
     assert all(f"\n{task.id} " in f"\n{shown}" for task in suite.TASKS)

@@ -42,7 +42,7 @@ def write_metrics(folder: RunFolder, returns: list[float | None]) -> None:
     (folder.path / "metrics.jsonl").write_text(text)
 
 
-def test_the_papers_grids_are_65_runs() -> None:
+def test_paper_grids_have_65_runs() -> None:
     planned = plan(WITHOUT_SEEDS, swept())
     assert {name: len(e.runs) for name, e in planned.items()} == {"ppo": 5, "rnd": 30, "icm": 30}
     numbers = planned["rnd"].numbers()
@@ -59,7 +59,7 @@ def test_without_a_grid_every_algorithm_has_one_point() -> None:
     assert len(given["rnd"].runs) == 10
 
 
-def test_parts_of_a_grid_are_the_whole_grid() -> None:
+def test_parts_of_a_grid_cover_the_whole_grid() -> None:
     whole = plan(WITHOUT_SEEDS, ["rnd"])["rnd"]
     parts = plan(WITHOUT_SEEDS, ["rnd"], at_once=10)
     assert list(parts) == [f"rnd-bonus_reward-{value}" for value in ("0.1", "1", "10")]
@@ -76,7 +76,7 @@ def test_parts_of_a_grid_are_the_whole_grid() -> None:
     assert first == "rnd-bonus_reward-0.1-rnd_loss-0.01"
 
 
-def test_a_number_that_is_given_is_not_varied() -> None:
+def test_given_number_is_not_varied() -> None:
     planned = plan(WITHOUT_SEEDS | {"bonus_reward": 0.5}, ["rnd"])["rnd"]
     assert [name for name, _ in planned.grid] == ["rnd_loss"]
     assert planned.hparams["bonus_reward"] == 0.5
@@ -110,7 +110,7 @@ def common(tmp_path: Path) -> list[str]:
     ]  # fmt: skip
 
 
-def test_a_grid_that_diverges_does_not_end_the_sweep(
+def test_diverged_grid_does_not_end_the_sweep(
     common: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flags = [*common, "--grid", "learning_rate=1e38,1e-3", "--at-once=2"]
@@ -148,7 +148,7 @@ def test_command_trains_skips_and_lists(
     assert "config.epochs (3, not 2)" in capsys.readouterr().err
 
 
-def test_ctrl_c_ends_the_whole_also_in_the_last_update_of_a_part(
+def test_ctrl_c_in_last_update_of_a_part_ends_the_sweep(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[str] = []

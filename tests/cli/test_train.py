@@ -102,7 +102,7 @@ def test_flags_of_tables_and_numbers() -> None:
     }
 
 
-def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
+def test_ctrl_c_leaves_checkpoint_and_names_resume(
     flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -127,7 +127,7 @@ def test_ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on(
     assert len(read_metrics(out)) == 2 * UPDATES
 
 
-def test_a_training_that_diverges_says_so_and_keeps_what_was_finite(
+def test_diverged_training_warns_and_keeps_finite_parameters(
     flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, told = tmp_path / "run", "diverged at update 1: its "
@@ -154,7 +154,7 @@ def test_a_training_that_diverges_says_so_and_keeps_what_was_finite(
     assert f"run: seed-0 {told}" in capsys.readouterr().err
 
 
-def test_a_training_goes_on_where_one_run_diverges(
+def test_training_continues_if_one_run_diverges(
     flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
@@ -166,7 +166,7 @@ def test_a_training_goes_on_where_one_run_diverges(
     assert "0.001-seed-0 diverged" not in captured.err
 
 
-def test_who_wants_it_goes_on_with_what_is_not_finite(
+def test_on_divergence_continue_trains_on(
     flags: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
@@ -180,7 +180,7 @@ def test_who_wants_it_goes_on_with_what_is_not_finite(
     assert "run: the parameters of seed-1 are not finite" in capsys.readouterr().err
 
 
-def test_without_the_extra_each_command_names_it(tmp_path: Path) -> None:
+def test_each_command_names_the_missing_extra(tmp_path: Path) -> None:
     """In a process without flax, which other commands do not need."""
     code = """
 import sys
@@ -200,7 +200,7 @@ assert main(["list"]) == 0
     assert done.stderr.count("\n") == 4
 
 
-def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
+def test_top_level_help_imports_no_extra() -> None:
     code = (
         "import sys; from jaxenstein.cli import build_parser; build_parser().format_help(); "
         "assert not {'flax', 'optax', 'matplotlib'} & set(sys.modules)"
@@ -208,13 +208,13 @@ def test_help_of_the_whole_imports_nothing_of_the_extra() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_demos_configuration_is_one() -> None:
+def test_demo_config_resolves() -> None:
     experiment = resolve(parse("--config", str(ROOT / "examples" / "demo.toml")))
     assert (experiment.config.updates, len(experiment.runs)) == (30, 2)
     assert experiment.environment.settings["frame_skip"] == 6
 
 
-def test_note_is_over_all_episodes() -> None:
+def test_note_averages_over_all_episodes() -> None:
     rows = [
         {"episodes": 1, "return_sum": 1.0, "successes": 1},
         {"episodes": 3, "return_sum": 0.5, "successes": 0},

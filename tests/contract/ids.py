@@ -14,7 +14,7 @@ KINDS = ("key-door", "my-way-home", "dmlab-random-goal-01-respawn")
 
 
 def _first_of_their_class() -> set[str]:
-    """The first id of each class; of sizes and maps of one class a single one."""
+    """The first id of each class: one id for all sizes and maps of a class."""
     found: dict[Any, str] = {}
     for name in MAIN_IDS:
         build = ENTRIES[name].build

@@ -1,4 +1,4 @@
-"""An environment and a batch of its episodes: one compiled program for all questions."""
+"""An environment and a batch of its episodes, in one compiled program for all tests."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Played:
         return keys, first, self.play(keys, first[1], self.actions)
 
     def play(self, keys: Any, states: Any, actions: np.ndarray, params: Any = None) -> Any:
-        """The six values of the steps from some states on, as numpy."""
+        """The six results of the steps from given states, in NumPy."""
         params = self.params if params is None else params
         return jax.device_get(self._scan(keys[1:], states, actions, params))
 
@@ -69,10 +69,10 @@ class Played:
         return scan
 
     def member(self, i: int) -> tuple[Any, Any]:
-        """What the reset and the steps of one member gave."""
+        """The results of the reset and the steps of one member."""
         return member(self.first, i, 0), member(self.steps, i, 1)
 
 
 def member(tree: Any, i: int, axis: int) -> Any:
-    """One environment's part of what a batch returned, as numpy."""
+    """The results of one environment of a batch, in NumPy."""
     return jax.tree.map(lambda leaf: np.take(np.asarray(leaf), i, axis), tree)

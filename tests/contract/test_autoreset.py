@@ -43,7 +43,7 @@ def flags(trace):
     ],
 )
 @pytest.mark.parametrize("autoreset", ["same-step", "next-step", None])
-def test_truth_table_of_ends(autoreset, limit, expected):
+def test_truth_table_of_episode_ends(autoreset, limit, expected):
     trace = play(*build(autoreset, limit), [FORWARD] * len(expected))
     assert flags(trace) == expected
     assert float(trace[-1][2]) == float(expected[-1][0])
@@ -64,7 +64,7 @@ def test_same_step_returns_the_next_episode():
     np.testing.assert_array_equal(obs, env.reset(jax.random.key(9), params)[0])
 
 
-def test_final_observation_is_that_before_the_reset():
+def test_final_observation_is_from_before_the_reset():
     env, params = build("same-step", final_observation=True)
     _, state = env.reset(jax.random.key(0), params)
     for t in range(2):
@@ -95,13 +95,13 @@ def test_next_step_shows_the_last_frame_then_resets():
     assert after[1].time == 1
 
 
-def test_next_step_tells_a_time_limit_once():
+def test_next_step_reports_time_limit_once():
     assert flags(play(*build("next-step", limit=2), [STAY] * 4)) == [
         (False, False), (False, True), (False, False), (False, False)
     ]  # fmt: skip
 
 
-def test_without_autoreset_the_episode_goes_on():
+def test_episode_continues_without_autoreset():
     env, params = build(None)
     last, beyond = play(env, params, [FORWARD, FORWARD, STAY])[1:]
     assert last[1].done

@@ -40,7 +40,7 @@ INFO = {
     "success": ((), np.bool_),
 }
 # Environments without randomness.
-CERTAIN = r"simple|key-door|minigrid-(empty-\d+x\d+|dist-shift\d)"
+DETERMINISTIC = r"simple|key-door|minigrid-(empty-\d+x\d+|dist-shift\d)"
 # The game leaves these levels in the tic after the aim was reached.
 ENDS_LATER = (DoomMyWayHome, DoomBasic, DoomDeadlyCorridor, DoomPredictPosition)
 
@@ -70,15 +70,15 @@ def test_shapes_and_types(played: Played) -> None:
     assert env.action_space(params).n == env.num_actions == len(env.action_names)
 
 
-def test_behaviour_is_that_of_the_version(played: Played) -> None:
-    """In a batch, the golden episode that was recorded outside of one."""
+def test_behaviour_matches_golden_episode_of_the_version(played: Played) -> None:
+    """Play the golden episode, which was recorded outside a batch, in a batch."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
     problem = golden.problem(played.name, EPISODES[played.name], golden.trace_of(*played.member(0)))
     assert not problem, golden.message(played.name, problem)
 
 
-def test_the_golden_episode_is_worth_keeping(played: Played) -> None:
+def test_golden_episode_is_varied(played: Played) -> None:
     """A player takes several actions and moves, and observations change."""
     if played.name not in EPISODES:
         pytest.skip("a variant has no golden episode")
@@ -131,9 +131,9 @@ def about_to_end(env, state):
     if isinstance(env, MemoryMaze):
         return state.replace(position=state.things[state.wanted])
     if isinstance(env, PutNear):
-        return about_to_put(env, state)
+        return about_to_put_target(env, state)
     if isinstance(env, GoToDoor):
-        return beside_it(env, state)
+        return beside_target(env, state)
     if isinstance(env, Unlock | RedBlueDoors):
         opened = jnp.ones_like(state.doors.opened)
         return state.replace(doors=state.doors.replace(opened=opened))
@@ -146,30 +146,30 @@ def about_to_end(env, state):
         tile = tile.at[1].set(tile[0] + jnp.array([1, 0]))
         return state.replace(things=state.things.replace(tile=tile))
     if isinstance(env, PickUpWorld):
-        return in_hand(env, state)
+        return holding_target(env, state)
     if isinstance(env, GridWorld):
         row, column = np.argwhere(np.asarray(env.subgoal(state).tiles))[0]
         return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
     return state.replace(position=jnp.asarray(env.tilemap.goals[state.goal], jnp.float32) + 0.5)
 
 
-def in_hand(env, state):
-    """The state with what is asked for in the hand."""
+def holding_target(env, state):
+    """The state in which the agent holds the target."""
     place = jnp.where(env.asked_for(state), HELD, state.things.place)
     return state.replace(things=state.things.replace(place=place))
 
 
-def beside_it(env, state):
-    """The state with the agent on a free tile beside what it is to go to."""
+def beside_target(env, state):
+    """The state with the agent on a free tile beside its target."""
     free = np.asarray(state.level.walls[0]) == 0
     free[tuple(np.asarray(state.level.doors).T[::-1])] = False
     row, column = np.argwhere(free & np.asarray(beside(env.target(state))))[0]
     return state.replace(position=jnp.asarray([column + 0.5, row + 0.5], jnp.float32))
 
 
-def about_to_put(env, state):
-    """The state with what is asked for in the hand, before a tile beside the other thing."""
-    state = in_hand(env, state)
+def about_to_put_target(env, state):
+    """The state in which the agent holds the target, and faces a tile beside the other object."""
+    state = holding_target(env, state)
     lies = np.asarray(env.tiles_of(state, state.things.lying))
     free = (np.asarray(state.level.walls[0]) == 0) & ~lies
     for row, column in np.argwhere(np.asarray(env.subgoal(state).tiles)).tolist():
@@ -183,8 +183,8 @@ def about_to_put(env, state):
 
 @pytest.mark.parametrize("limit", [False, True], ids=["in time", "at the limit"])
 @pytest.mark.parametrize("ending", [False, True], ids=["going on", "ending"])
-def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
-    """Both flags, each by itself, together, and neither, at the first of the steps."""
+def test_truth_table_of_episode_ends(played: Played, ending: bool, limit: bool) -> None:
+    """All four combinations of both flags at the first step."""
     env, states = played.env, played.first[1]
     if ending:
         single = [about_to_end(env, member(states, i, 0)) for i in (0, 1)]
@@ -196,7 +196,7 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
             *single,
         )
     at = int(states.time[0]) + (1 if limit else 2)
-    # Only an action can drop something, or say that the task is done.
+    # Only an action can drop something or declare the task done.
     acts = [deed for kind, deed in ((PutNear, DROP), (GoToDoor, DONE)) if isinstance(env, kind)]
     standing = np.full_like(played.actions, acts[0] if ending and acts else -1)
     params = played.params.replace(max_steps_in_episode=jnp.int32(at))
@@ -204,7 +204,7 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
     ends = ending and env.about().ends != ""
     np.testing.assert_array_equal(terminated[0], [ends, ends])
     np.testing.assert_array_equal(truncated[0], [limit, limit])
-    # If only survival counts, the time limit is the aim; elsewhere, the aim ends the task.
+    # If only survival counts, the time limit is the goal; otherwise, the goal ends the task.
     survives = isinstance(env, HealthTask | DoomScenario) and not env.success_event
     aim = limit and not ending if survives else ending
     aim = aim and not isinstance(env, ENDS_LATER)
@@ -213,14 +213,14 @@ def test_truth_table_of_ends(played: Played, ending: bool, limit: bool) -> None:
     np.testing.assert_array_equal(after.time[0], 0 if ends or limit else int(states.time[0]) + 1)
 
 
-def test_seeds_decide(played: Played) -> None:
+def test_seeds_determine_episodes(played: Played) -> None:
     """The same keys give the same episodes; other keys give others, if the task is random."""
     again = played.episodes(played.seed)
     jax.tree.map(np.testing.assert_array_equal, again[1:], (played.first, played.steps))
-    # Two of a kind may draw the same: one of two arms, say.
+    # Two draws can be equal, for example one of two arms.
     frames = [played.steps[0], *(played.episodes(played.seed + 2 * k)[2][0] for k in range(1, 4))]
     alone = np.concatenate(frames, axis=1)
-    assert (alone[:, :1] != alone[:, 1:]).any() == (not re.fullmatch(CERTAIN, played.name))
+    assert (alone[:, :1] != alone[:, 1:]).any() == (not re.fullmatch(DETERMINISTIC, played.name))
 
 
 def test_equal_settings_make_equal_environments(played: Played) -> None:

@@ -1,4 +1,4 @@
-"""Environments and players inside `jax.shard_map`, whose checks are on unless they are put off."""
+"""Environments and players inside `jax.shard_map` with its default checks."""
 
 import functools
 
@@ -17,16 +17,16 @@ WIDE = "#" * 90 + "\n#S" + "." * 86 + "G#\n" + "#" * 90
 KEYS = jax.random.split(jax.random.key(0), 3)
 
 
-def apart():
-    """`jax.shard_map` over one device, and keys that lie there."""
+def sharded():
+    """`jax.shard_map` over one device, its spec, and keys on that device."""
     mesh = jax.make_mesh((1,), ("env",))
     spec = jax.sharding.PartitionSpec("env")
     keys = jax.device_put(KEYS, jax.sharding.NamedSharding(mesh, spec))
     return functools.partial(jax.shard_map, mesh=mesh, in_specs=spec), spec, keys
 
 
-def acting(env, params, keys):
-    """Some steps of a batch, each a player's: the last state, and what was seen."""
+def play_batch(env, params, keys):
+    """Play some steps of a batch: the last state, and the observations."""
     choose = player_of(env)(env, params)
     obs, states = jax.vmap(env.reset, (0, None))(keys, params)
 
@@ -57,16 +57,16 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "settings"), CASES)
-def test_its_checks_let_everything_through(name, settings):
-    """They are made when it is traced."""
-    spread, spec, keys = apart()
+def test_replication_checks_pass(name, settings):
+    """The checks run when the program is traced."""
+    spread, spec, keys = sharded()
     env, params = jaxenstein.make(name, **SIZE, **settings)
-    out = jax.eval_shape(spread(functools.partial(acting, env, params), out_specs=spec), keys)
+    out = jax.eval_shape(spread(functools.partial(play_batch, env, params), out_specs=spec), keys)
     assert all(leaf.shape[0] == len(KEYS) for leaf in jax.tree.leaves(out))
 
 
 def test_whole_episodes_and_wide_maps():
-    spread, spec, keys = apart()
+    spread, spec, keys = sharded()
     env, params = jaxenstein.from_ascii(WIDE, **SIZE)
 
     def run(keys):
@@ -77,9 +77,9 @@ def test_whole_episodes_and_wide_maps():
     assert played.length.shape == (len(KEYS),)
 
 
-def test_the_same_steps_as_without():
-    spread, spec, keys = apart()
+def test_steps_equal_those_on_one_device():
+    spread, spec, keys = sharded()
     env, params = jaxenstein.make("key-door", **SIZE)
-    run = functools.partial(acting, env, params)
+    run = functools.partial(play_batch, env, params)
     got = jax.jit(spread(run, out_specs=spec))(keys)
     jax.tree.map(np.testing.assert_array_equal, got, jax.jit(run)(KEYS))

@@ -14,7 +14,7 @@ from jaxenstein.players import player_of
 pytestmark = pytest.mark.usefixtures("plain_frames")
 SIZE = {"height": 8, "width": 8}
 STEPS = 60
-# The entries of `info` that tell of a state; the others are events.
+# The entries of `info` that describe a state; the others are events.
 STATE = (
     *("position", "heading", "cell", "episode_return", "episode_length"),
     *("distance_to_goal", "health"),
@@ -27,7 +27,7 @@ def build(name, autoreset, skip, **changes):
 
 
 def slow_loop(single, key, state, action, params, skip):
-    """`skip` steps of the world at most, one call each: what a step must come to."""
+    """Up to `skip` steps of the world, one call each: the expected result of a step."""
     total, ended, told = np.float32(0), False, {}
     for one in jax.random.split(key, skip):
         state, reward, ended, info = jax.device_get(single.advance(one, state, action, params))
@@ -42,7 +42,7 @@ def slow_loop(single, key, state, action, params, skip):
 
 
 def same(one, other) -> None:
-    """Equal but for the last bits of numbers, as two programs may round differently."""
+    """Compare up to the last bits of numbers, since two programs can round differently."""
     assert jax.tree.structure(one) == jax.tree.structure(other)
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         a, b = np.asarray(a), np.asarray(b)
@@ -59,7 +59,7 @@ CASES = [
     ("health-gathering", "next-step", 5, 23, {"damage": 40, "damage_period": 4, "medkits": 32}),
     ("dmlab-random-goal-01-respawn", "same-step", 4, 50, {"goal_radius": 3.0}),
     ("simple", None, 6, 100, {"goal_radius": 4.0}),
-    # Chance moves what is there in each of them.
+    # Random movements happen in each of them.
     ("minigrid-dynamic-obstacles-6x6", "same-step", 3, 20, {}),
 ]
 
@@ -67,7 +67,7 @@ CASES = [
 @pytest.mark.parametrize(
     ("name", "autoreset", "skip", "limit", "changes"), CASES, ids=[c[0] for c in CASES]
 )
-def test_a_step_is_so_many_of_the_world(name, autoreset, skip, limit, changes):
+def test_skipped_step_equals_single_steps(name, autoreset, skip, limit, changes):
     env, params = build(name, autoreset, skip, max_steps_in_episode=limit, **changes)
     single = dataclasses.replace(env, frame_skip=1)
     choose = jax.jit(player_of(env)(env, params))
@@ -103,8 +103,8 @@ def test_a_step_is_so_many_of_the_world(name, autoreset, skip, limit, changes):
     assert ends
 
 
-def test_rewards_add_up_and_events_of_any_step_show():
-    """Two keys are passed in one step, at the end of which there is none."""
+def test_rewards_add_up_and_events_of_all_steps_show():
+    """The agent passes two keys in one step, and there is none where the step ends."""
     env, params = jaxenstein.from_ascii(
         "########\n#Srn.G.#\n########", heading=0, frame_skip=4, **SIZE
     )
@@ -120,7 +120,7 @@ def test_rewards_add_up_and_events_of_any_step_show():
 
 
 @pytest.mark.parametrize("limit", [1, 4, 5, 6])
-def test_the_time_limit_ends_a_step_between(limit):
+def test_time_limit_ends_a_step_early(limit):
     env, params = build("simple", None, 4, max_steps_in_episode=limit, living_reward=-1.0)
     _, state = env.reset(jax.random.key(0), params)
     assert int(env.most_steps(params)) == -(-limit // 4)
@@ -133,7 +133,7 @@ def test_the_time_limit_ends_a_step_between(limit):
     assert sum(rewards) == -limit
 
 
-def test_without_a_reset_steps_beyond_the_end_are_single():
+def test_steps_after_the_end_are_single_without_reset():
     env, params = build("simple", None, 4, max_steps_in_episode=3)
     _, state = env.reset(jax.random.key(0), params)
     for time in (3, 4, 5):
@@ -141,8 +141,8 @@ def test_without_a_reset_steps_beyond_the_end_are_single():
         assert state.time == time
 
 
-def test_headings_that_a_skip_of_turns_can_reach():
-    """With 15 degrees a turn 1, 2, 3 and 6 of them divide a right angle, and 4 do not."""
+def test_skipped_turns_reach_right_angles_if_divisible():
+    """With turns of 15 degrees, 1, 2, 3 and 6 turns divide a right angle, and 4 do not."""
     for skip in (1, 2, 3, 4, 6):
         env, params = build("simple", None, skip)
         _, state = env.reset(jax.random.key(0), params)

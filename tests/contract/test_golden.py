@@ -1,4 +1,4 @@
-"""The file of golden episodes, and what is said where an environment differs from its own."""
+"""The file of golden episodes, and the messages if an environment differs."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from jaxenstein.catalogue import ENTRIES, MAIN_IDS
 from reliability import golden
 from tests.contract.played import EPISODES
 
-# A small one, for what does not need all.
-ONE = "key-door"
+# A small environment, for tests that do not need all.
+EXAMPLE_ID = "key-door"
 
 
 def test_every_id_has_a_golden_episode() -> None:
@@ -23,14 +23,14 @@ def test_every_id_has_a_golden_episode() -> None:
 
 
 @pytest.mark.parametrize("name", MAIN_IDS)
-def test_version_and_params_are_those_of_the_episode(name: str) -> None:
+def test_version_and_params_match_the_episode(name: str) -> None:
     env, params = jaxenstein.make(name)
     assert env.version == EPISODES[name]["version"], golden.COMMAND
     assert golden.numbers_of(params) == EPISODES[name]["params"], golden.message(name, "params")
 
 
 @pytest.mark.parametrize("name", [name for name in ENTRIES if ENTRIES[name].version > 0])
-def test_a_raised_version_stands_in_the_changelog(name: str) -> None:
+def test_raised_version_is_in_the_changelog(name: str) -> None:
     text = (golden.ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     entries = [" ".join(entry.split()) for entry in re.split(r"^- ", text, flags=re.MULTILINE)]
     wanted = f"version {ENTRIES[name].version}"
@@ -41,39 +41,41 @@ def test_a_raised_version_stands_in_the_changelog(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def found() -> golden.Trace:
-    """The trace of `ONE`, played outside of a batch."""
-    return golden.trace(ONE, EPISODES[ONE]["seed"], golden.actions_of(EPISODES[ONE]))
+    """The trace of `EXAMPLE_ID`, played outside a batch."""
+    return golden.trace(
+        EXAMPLE_ID, EPISODES[EXAMPLE_ID]["seed"], golden.actions_of(EPISODES[EXAMPLE_ID])
+    )
 
 
-def test_an_episode_outside_of_a_batch(found: golden.Trace) -> None:
-    """The contract compares all of them, in a batch."""
-    assert golden.problem(ONE, EPISODES[ONE], found) == ""
+def test_episode_outside_a_batch(found: golden.Trace) -> None:
+    """The contract tests compare all episodes, in batches."""
+    assert golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID], found) == ""
 
 
 def changed(found: golden.Trace, **parts: Any) -> str:
-    """What is said of the episode of `ONE` if its trace has other parts."""
+    """The problem reported for the episode of `EXAMPLE_ID` if parts of its trace change."""
     changes = {name: change(getattr(found, name)) for name, change in parts.items()}
-    return golden.problem(ONE, EPISODES[ONE], dataclasses.replace(found, **changes))
+    return golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID], dataclasses.replace(found, **changes))
 
 
 def with_row(rows: tuple[np.ndarray, ...], row: int, by: float) -> tuple[np.ndarray, ...]:
-    """The rows with the first number of one of them changed."""
+    """The rows, with the first number of one row changed."""
     other = rows[row].copy()
     other[0] += by
     return (*rows[:row], other, *rows[row + 1 :])
 
 
-def test_one_changed_event_is_told_with_its_steps(found: golden.Trace) -> None:
+def test_changed_event_is_reported_with_its_steps(found: golden.Trace) -> None:
     problem = changed(found, whole=lambda rows: with_row(rows, 19, 1))
     assert problem.endswith("differ from some step of 16 to 23 on")
-    text = golden.message(ONE, problem)
+    text = golden.message(EXAMPLE_ID, problem)
     assert "behaviour of key-door changed" in text
     assert "raise its version in the catalogue and add a line to CHANGELOG.md" in text
     assert text.endswith(f"regenerate with {golden.COMMAND}")
 
 
 @pytest.mark.parametrize(("by", "same"), [(2e-6, True), (2e-2, False)])
-def test_positions_may_differ_by_rounding_alone(found: golden.Trace, by: float, same: bool) -> None:
+def test_positions_can_differ_only_by_rounding(found: golden.Trace, by: float, same: bool) -> None:
     problem = changed(
         found, real=lambda rows: with_row(rows, 30, by), poses=lambda poses: poses + 10 * by
     )
@@ -81,7 +83,7 @@ def test_positions_may_differ_by_rounding_alone(found: golden.Trace, by: float, 
 
 
 @pytest.mark.parametrize(("pixels", "same"), [(3, True), (6, False)])
-def test_few_pixels_of_a_frame_may_differ(found: golden.Trace, pixels: int, same: bool) -> None:
+def test_few_pixels_of_a_frame_can_differ(found: golden.Trace, pixels: int, same: bool) -> None:
     def spoil(frames: np.ndarray) -> np.ndarray:
         spoiled = frames.copy()
         spoiled[12, 5, :pixels] ^= 255
@@ -92,25 +94,25 @@ def test_few_pixels_of_a_frame_may_differ(found: golden.Trace, pixels: int, same
     assert same or "the frame after step 12 differs" in problem
 
 
-def test_another_param_is_told_by_name() -> None:
-    episode = EPISODES[ONE]
+def test_changed_param_is_reported_by_name() -> None:
+    episode = EPISODES[EXAMPLE_ID]
     wanted = episode | {"params": episode["params"] | {"goal_radius": 0.4}}
-    assert golden.problem(ONE, wanted) == "default params are now {'goal_radius': 0.35}"
+    assert golden.problem(EXAMPLE_ID, wanted) == "default params are now {'goal_radius': 0.35}"
 
 
-def test_a_raised_version_asks_for_a_new_episode() -> None:
-    problem = golden.problem(ONE, EPISODES[ONE] | {"version": 7})
-    assert golden.message(ONE, problem).endswith(f"regenerate with {golden.COMMAND}")
+def test_raised_version_requires_new_episode() -> None:
+    problem = golden.problem(EXAMPLE_ID, EPISODES[EXAMPLE_ID] | {"version": 7})
+    assert golden.message(EXAMPLE_ID, problem).endswith(f"regenerate with {golden.COMMAND}")
 
 
-def test_the_program_keeps_what_has_not_been_raised(
+def test_program_keeps_episodes_of_unchanged_versions(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An episode is not written anew before its version has been raised."""
+    """An episode is only rewritten once the version has been raised."""
     file = tmp_path / "golden.json"
-    other = EPISODES | {ONE: EPISODES[ONE] | {"layout": "0" * 12}}
+    other = EPISODES | {EXAMPLE_ID: EPISODES[EXAMPLE_ID] | {"layout": "0" * 12}}
     file.write_text(golden.to_text(other), encoding="utf-8")
     monkeypatch.setattr(golden, "FILE", file)
-    assert golden.main([ONE]) == 1
+    assert golden.main([EXAMPLE_ID]) == 1
     assert "behaviour of key-door changed" in capsys.readouterr().out
     assert golden.load() == other

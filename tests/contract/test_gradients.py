@@ -1,4 +1,4 @@
-"""Derivatives: of rewards and states by numbers, and zero where there are none."""
+"""Gradients of rewards and states with respect to numbers; frames have zero gradients."""
 
 import functools
 
@@ -14,7 +14,7 @@ STEPS = 4
 
 @functools.cache
 def build(observation="rgb", **settings):
-    """A corridor whose goal is reached in the third step forward."""
+    """A corridor in which the third step forward reaches the goal."""
     env, params = jaxenstein.from_ascii(
         "######\n#S..G#\n######",
         heading=0.0,
@@ -43,12 +43,12 @@ def played(env, params):
 
 
 @pytest.mark.parametrize(("autoreset", "frame_skip"), [("same-step", 1), ("next-step", 2)])
-def test_rewards_by_params(autoreset, frame_skip):
+def test_gradients_of_rewards_by_params(autoreset, frame_skip):
     env, params = build(autoreset=autoreset, frame_skip=frame_skip)
     play = jax.jit(lambda p: played(env, p)[0])
     value, slope = jax.jit(jax.value_and_grad(play, allow_int=True))(params)
     assert np.isfinite(value)
-    # What is right, by two plays whose rewards differ: they are sums of both numbers.
+    # The right gradients, from two rollouts: returns are sums of both numbers.
     for name in ("living_reward", "goal_reward"):
         more = params.replace(**{name: getattr(params, name) + 1})
         expected = play(more) - value
@@ -59,7 +59,7 @@ def test_rewards_by_params(autoreset, frame_skip):
 
 
 @pytest.mark.parametrize("observation", ["depth", "rgb"])
-def test_pictures_and_first_states_are_constants(observation):
+def test_frames_and_initial_states_have_zero_gradients(observation):
     env, params = build(observation)
     _, state = env.reset(jax.random.key(0), params)
 
@@ -76,7 +76,7 @@ def test_pictures_and_first_states_are_constants(observation):
         np.testing.assert_array_equal(reward, np.zeros(2))
 
 
-def test_in_a_batch():
+def test_gradients_in_a_batch():
     env, params = build()
     keys = jax.random.split(jax.random.key(0), 3)
     _, states = jax.vmap(env.reset, (0, None))(keys, params)

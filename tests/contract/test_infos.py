@@ -1,4 +1,4 @@
-"""What a step tells is the same bits for one environment, in a batch, and in a loop on the device.
+"""Steps give the same bits for one environment, in a batch, and in a loop on the device.
 
 Only programs that are compiled as users compile them differ where something is amiss.
 """

@@ -1,4 +1,4 @@
-"""What steps keep whatever the environment is, tried on one or two of them."""
+"""Properties of steps in any environment, tested on one or two of them."""
 
 import dataclasses
 import importlib
@@ -25,12 +25,12 @@ def test_compilation_batches_and_scans_change_nothing(name: str) -> None:
     with jax.disable_jit():
         obs, state = played.env.reset(played.keys[0, 1], played.params)
         step = played.env.step(played.keys[1, 1], state, played.actions[0], played.params)
-    alike((obs, state), first)
-    alike(step, out)
+    assert_alike((obs, state), first)
+    assert_alike(step, out)
 
 
-def alike(one: Any, other: Any) -> None:
-    """Equal but for rounding; of a picture's values few may differ, at the edges of things."""
+def assert_alike(one: Any, other: Any) -> None:
+    """Compare up to rounding; a few values of an image may differ, at edges of objects."""
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         a, b = np.asarray(a), np.asarray(b)
         assert a.dtype == b.dtype
@@ -41,7 +41,7 @@ def alike(one: Any, other: Any) -> None:
 
 
 def test_old_and_typed_keys_agree() -> None:
-    """Where chance has a say: the start is drawn, and so is where the next medkit appears."""
+    """With random starts and random medkits."""
     env, params = jaxenstein.make("health-gathering", **SIZE)
     start = env.init_state(jax.random.key(3), params)
     due = start.replace(time=jnp.int32(int(params.medkit_period) - 1))
@@ -100,8 +100,8 @@ def test_step_renders_once():
 @pytest.mark.parametrize(
     "drawn", ["my-way-home", pytest.param("doom-health-gathering", marks=pytest.mark.slow)]
 )
-def test_a_choice_that_differs_within_the_batch(drawn) -> None:
-    """A user's `lax.cond` around `reset` and `step`, whose arrays it makes a batch of."""
+def test_cond_with_batched_predicate(drawn) -> None:
+    """A user's `lax.cond` around `reset` and `step`, which batches their arrays."""
     env, params = jaxenstein.make(drawn, height=6, width=6)
 
     def either(anew, key, state):
@@ -115,10 +115,10 @@ def test_a_choice_that_differs_within_the_batch(drawn) -> None:
     chosen = jnp.array([False, True, False])
     got = jax.jit(jax.vmap(either))(chosen, keys, reset[1])
     for i, anew in enumerate(chosen):
-        alike(member(got, i, 0), member(reset if anew else step, i, 0))
+        assert_alike(member(got, i, 0), member(reset if anew else step, i, 0))
 
 
-def test_a_batch_of_no_environments():
+def test_empty_batch():
     env, params = jaxenstein.make("key-door", **SIZE)
     obs, states = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 0), params)
     assert obs.shape == (0, 12, 16, 3)
@@ -170,7 +170,7 @@ def test_invalid_actions_do_nothing(action):
 
 
 @pytest.mark.parametrize("action", [0.0, np.zeros(3, np.int32), True])
-def test_wrong_kinds_of_action_are_refused(action):
+def test_actions_of_wrong_type_are_refused(action):
     env, params = jaxenstein.make("simple", **SIZE)
     _, state = env.reset(jax.random.key(0), params)
     with pytest.raises(jaxenstein.SettingError, match="one integer of shape"):
@@ -183,7 +183,7 @@ def test_wrong_params_are_refused():
         env.reset(jax.random.key(0), jaxenstein.Params())
 
 
-def test_x64_changes_no_type():
+def test_x64_changes_no_dtype():
     env, params = jaxenstein.make("health-gathering", **SIZE)
     key = jax.random.key(5)
     narrow = env.step(key, env.reset(key, params)[1], 2, params)

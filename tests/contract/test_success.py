@@ -10,8 +10,8 @@ from examples.custom_task import Fruit
 @pytest.mark.parametrize(
     ("apple", "there", "success"), [(0, True, True), (1, True, False), (0, False, False)]
 )
-def test_an_end_with_a_reward_is_success(apple, there, success):
-    """The western place pays +1 where the apple lies there, else -1."""
+def test_termination_with_reward_is_success(apple, there, success):
+    """The western place pays +1 if the apple is there, else -1."""
     env = Fruit(height=8, width=8)
     params = env.check_params()
     state = env.init_state(jax.random.key(0), params).replace(apple=jnp.int32(apple))

@@ -1,4 +1,4 @@
-"""What can be checked of a Markdown page: its Python, its commands, its links."""
+"""The checkable parts of a Markdown page: its Python, its commands, its links."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ GENERATED = ROOT / "docs" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted({*(ROOT / "docs").glob("*.md")} - {GENERATED})]
 for folder in ("benchmarks", "originals"):
     PAGES += sorted((ROOT / "docs" / folder).glob("*.md"))
-# What every sample may import: all else is a partner that may not be installed.
-AT_HAND = {*sys.stdlib_module_names, "PIL", "custom_task"}
-AT_HAND |= {"examples", "jax", "jaxenstein", "numpy"}
+# Modules that every sample can import; others are partners that may be missing.
+ALWAYS_INSTALLED = {*sys.stdlib_module_names, "PIL", "custom_task"}
+ALWAYS_INSTALLED |= {"examples", "jax", "jaxenstein", "numpy"}
 
 
 class Sample(NamedTuple):
@@ -35,14 +35,14 @@ class Sample(NamedTuple):
 
     @property
     def partners(self) -> list[str]:
-        """The packages it imports that may not be installed."""
+        """The imported packages that may be missing."""
         found = re.findall(r"^(?:import|from) (\w+)", self.code, re.MULTILINE)
         # ViZDoom's ids read its pictures.
         found += ["vizdoom"] if "jaxenstein/Vizdoom" in self.code else []
-        return sorted({name for name in found if name not in AT_HAND})
+        return sorted({name for name in found if name not in ALWAYS_INSTALLED})
 
     def run(self, names: dict[str, Any]) -> None:
-        """Execute it; errors name the page's line."""
+        """Execute it; errors name the line of the page."""
         code = compile("\n" * (self.line - 1) + self.code, str(self.page), "exec")
         # Users run with JAX's own promotion rules, not with the strict ones of these tests.
         with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
@@ -74,7 +74,7 @@ def commands(page: Path) -> list[list[str]]:
 
 
 def prose(page: Path) -> str:
-    """A page without its Python."""
+    """A page without its Python blocks."""
     return re.sub(r"^```python\n.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
 
 
@@ -86,7 +86,7 @@ def anchors(text: str) -> set[str]:
 
 
 def links(page: Path) -> list[str]:
-    """The files of this repository that a page links or shows, without anchors."""
+    """The files of this repository that a page links to or shows, without anchors."""
     text = prose(page)
     targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text)
     targets += re.findall(r"^```\{(?:image|include|literalinclude)\} (\S+)$", text, re.MULTILINE)

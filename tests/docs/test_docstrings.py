@@ -1,4 +1,4 @@
-"""The examples in docstrings print what they say."""
+"""The examples in docstrings print their stated output."""
 
 import doctest
 import importlib

@@ -1,4 +1,4 @@
-"""The generated pages have a section for each environment, and say of it what is true."""
+"""The generated pages have a section for each environment with correct facts."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_pictures_and_animations_exist(pages) -> None:
             assert (DOCS / path).is_file(), path
 
 
-def test_numbers_are_those_of_the_tasks() -> None:
+def test_numbers_match_the_tasks() -> None:
     facts = {name: dict(environment_pages.facts(name)) for name in IDS}
     assert facts["simple"]["reward"] == "+1 at the goal"
     assert facts["simple"]["map"] == "9x5"
@@ -67,7 +67,7 @@ def test_numbers_are_those_of_the_tasks() -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
-def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None:
+def test_every_param_and_info_entry_is_explained(family, pages) -> None:
     _, params = jaxenstein.make(family.ids[0])
     fields = [field.name for field in dataclasses.fields(params)]
     assert set(fields) == set(attributes(type(params)))
@@ -77,7 +77,7 @@ def test_every_param_and_every_entry_of_info_is_explained(family, pages) -> None
     assert len(rows) == info.count("\n| `")
 
 
-def test_stored_returns_are_of_these_versions() -> None:
+def test_stored_returns_match_current_versions() -> None:
     rows = page_parts.stored_returns()["players"]
     found = [(row["id"], row["player"]) for row in rows]
     assert found == [(name, player) for name in IDS for player in measured.players_of(name)]
@@ -87,7 +87,7 @@ def test_stored_returns_are_of_these_versions() -> None:
         assert row["least"] <= row["mean"] <= row["most"]
 
 
-def test_links_to_pages_outside_of_the_site_lead_to_those_that_show_them() -> None:
+def test_links_outside_the_site_lead_to_including_pages() -> None:
     text = "[how](../CONTRIBUTING.md#x), [programs](../examples/README.md), [me](concepts.md)"
     assert page_parts.turned(text) == "[how](contributing.md#x), programs, [me](concepts.md)"
     for target, page in page_parts.SHOWN.items():
@@ -104,7 +104,7 @@ def test_links_between_the_pages_lead_to_headings(pages) -> None:
     assert {(name, anchor) for name, anchor in found if anchor not in anchors(pages[name])} == set()
 
 
-def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
+def test_scoreboard_names_configs_of_its_agents(pages) -> None:
     rows = page_parts.stored_agents()
     best, trained = pages["scoreboard"].split("## Agents")
     for row in rows:
@@ -121,17 +121,17 @@ def test_the_scoreboard_names_what_trained_its_agents(pages) -> None:
     assert "%" in shown["doom-basic"]
 
 
-def test_the_page_of_the_command_line_has_every_command(monkeypatch) -> None:
+def test_command_line_page_has_every_command(monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "40")
     text = other_pages.commands_page()
     told = re.findall(r"^## `jaxenstein (.+)`$", text, re.M)
     assert {"list", "play", "record", "train", "evaluate"} <= set(told)
     assert text.count("\nusage: jaxenstein ") == len(told)
-    # As wide as on a page, whatever the terminal is.
+    # As wide as on a page, independent of the terminal.
     assert max(map(len, text.splitlines())) > 80
 
 
-def test_the_page_of_the_command_line_has_the_recipes() -> None:
+def test_command_line_page_has_the_recipes() -> None:
     rows = re.findall(r"^\| `(.+?)` \| (.+) \|$", other_pages.recipes(), re.M)
     told = {name: values.split(" | ") for name, values in rows}
     assert told["--contrast"] == ["0", "10", "0", "10", "10"]

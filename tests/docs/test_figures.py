@@ -1,4 +1,4 @@
-"""Figures of scripted players that pages repeat are those that were measured."""
+"""Figures of scripted players on pages match the measurements."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from jaxenstein.baselines.runs.options import read_file, resolve
 from tests.docs.samples import ROOT
 
 MEAN = "{mean:.1f} +- {error:.1f}"
-# Of docs/returns.json: a page, an environment, and what the page says of a player.
+# From docs/returns.json: a page, an environment, and the text on the page about a player.
 REPEATED = (
     ("originals/health-gathering", "health-gathering", "random", f"| {MEAN} |"),
     ("originals/health-gathering", "health-gathering", "greedy_medkits", "{mean:.0f} ({episodes} "),
@@ -27,17 +27,17 @@ REPEATED = (
 
 
 @pytest.mark.parametrize(("page", "name", "player", "text"), REPEATED)
-def test_pages_repeat_what_was_measured(page: str, name: str, player: str, text: str) -> None:
+def test_pages_match_stored_measurements(page: str, name: str, player: str, text: str) -> None:
     (row,) = (row for row in stored_rows(name) if row["player"] == player)
     said = text.format(percent=100 * row["success"], **row)
     assert said in (ROOT / "docs" / f"{page}.md").read_text("utf-8")
 
 
-# Of docs/results.json: an environment, and what docs/results.md says of a random player in it.
+# From docs/results.json: an environment, and the text in docs/results.md about a random player.
 RANDOM = {"dmlab-static-01-respawn": "| random | {mean:.1f} |"}
 
 
-def test_results_say_what_random_players_get() -> None:
+def test_results_state_random_player_scores() -> None:
     page = " ".join((ROOT / "docs" / "results.md").read_text("utf-8").split())
     rows = json.loads((ROOT / "docs" / "results.json").read_text("utf-8"))["random_players"]
     assert {row["task"] for row in rows} >= set(RANDOM)
@@ -49,7 +49,7 @@ def test_results_say_what_random_players_get() -> None:
         )
 
 
-def test_returns_on_the_scoreboard_are_in_the_units_of_the_task() -> None:
+def test_scoreboard_returns_use_task_units() -> None:
     shown = [row for row in stored_agents() if _measure(row) == "return"]
     assert shown
     for row in shown:

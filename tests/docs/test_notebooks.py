@@ -1,4 +1,4 @@
-"""The notebooks: every cell runs, in order, as it stands but for sizes."""
+"""The notebooks: all cells run in order, unchanged except for sizes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from jaxenstein import registry
 from tests.docs.samples import ROOT
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-# What takes minutes is made small.
-SMALLER = {
+# Shorten parts that take minutes.
+SHORTENED = {
     "NUM_ENVS, STEPS = 256, 200": "NUM_ENVS, STEPS = 4, 5",
     "NUM_ENVS, STEPS = 256, 100": "NUM_ENVS, STEPS = 4, 5",
     '"total_steps": 1_500_000}': '"total_steps": 32, "num_envs": 4, "rollout": 8, "minibatches": 1,'
     ' "network": "tiny", "epochs": 1} | {"horizon": 12}',
 }
-SHOWS = ("_repr_html_", "_repr_png_")
+DISPLAY_METHODS = ("_repr_html_", "_repr_png_")
 
 
 def cells(path: Path, kind: str) -> list[str]:
@@ -31,7 +31,7 @@ def cells(path: Path, kind: str) -> list[str]:
 
 def run(code: str, names: dict[str, Any]) -> None:
     """Run a cell as a notebook does, which shows the value of an expression at its end."""
-    for given, small in SMALLER.items():
+    for given, small in SHORTENED.items():
         code = code.replace(given, small)
     *body, last = ast.parse(code).body
     if not isinstance(last, ast.Expr):
@@ -39,7 +39,7 @@ def run(code: str, names: dict[str, Any]) -> None:
     exec(compile(ast.Module(body, []), "cell", "exec"), names)
     if isinstance(last, ast.Expr):
         value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
-        assert all(len(getattr(value, show)()) for show in SHOWS if hasattr(value, show))
+        assert all(len(getattr(value, show)()) for show in DISPLAY_METHODS if hasattr(value, show))
         assert repr(value)
 
 
@@ -65,7 +65,7 @@ def test_cells_run_in_order(path: Path, tmp_path: Path, monkeypatch: pytest.Monk
     assert "episode" in names
 
 
-def test_they_are_notebooks_without_results() -> None:
+def test_notebooks_have_no_outputs() -> None:
     nbformat = pytest.importorskip("nbformat")
     assert [path.stem for path in NOTEBOOKS] == ["start", "task", "train"]
     for path in NOTEBOOKS:
@@ -77,7 +77,7 @@ def test_they_are_notebooks_without_results() -> None:
         nbformat.validate(book)
 
 
-def test_their_links_lead_to_files() -> None:
+def test_notebook_links_lead_to_files() -> None:
     for path in NOTEBOOKS:
         text = "\n".join(cells(path, "markdown"))
         targets = [part.partition(")")[0] for part in text.split("](")[1:]]

@@ -49,7 +49,7 @@ def test_the_samples_of_a_page_run_in_order(page: Path, tmp_path, monkeypatch) -
 @pytest.mark.parametrize("sample", WITH_PARTNERS, ids=by_name)
 @pytest.mark.usefixtures("plain_frames")
 @pytest.mark.filterwarnings("default")  # partners and what they import warn of their own
-def test_a_sample_with_a_partner_runs_by_itself(sample: Sample, tmp_path, monkeypatch) -> None:
+def test_samples_that_need_partners_run(sample: Sample, tmp_path, monkeypatch) -> None:
     for name in sample.partners:
         pytest.importorskip(name)
     monkeypatch.chdir(tmp_path)
@@ -73,7 +73,7 @@ def test_linked_headings_exist(page: Path) -> None:
     ] == []
 
 
-def test_defaults_of_settings_are_those_of_the_table() -> None:
+def test_defaults_of_settings_match_the_table() -> None:
     text = (ROOT / "docs" / "concepts.md").read_text("utf-8")
     rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]+) \|", text, re.MULTILINE)
     env, _ = jaxenstein.make("simple")
@@ -92,13 +92,13 @@ def test_defaults_of_settings_are_those_of_the_table() -> None:
 
 
 def _defaults(text: str, count: int) -> list[str]:
-    """The default of each setting of a row, without those of other tasks."""
+    """The default of each setting in a row of the table."""
     parts = [part for part in text.split(",") if " in " not in part]
     return parts if len(parts) == count else parts * count
 
 
 def place(path: str) -> Path:
-    """Of the package's sources where they are imported from: beside the tests, or from a wheel."""
+    """The path of a source file of the package, in the repository or in an installed wheel."""
     inside = path.removeprefix("src/jaxenstein/")
     return ROOT / path if inside == path else Path(jaxenstein.__file__).parent / inside
 
@@ -114,7 +114,7 @@ def test_paths_named_in_code_exist(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=by_name)
-def test_commands_are_understood(page: Path) -> None:
+def test_commands_parse(page: Path) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
     for program, *arguments in commands(page):
@@ -131,7 +131,7 @@ def test_commands_are_understood(page: Path) -> None:
             assert set(extras.split(",")) <= set(project["optional-dependencies"])
 
 
-def test_the_classes_of_the_architecture_are_where_the_page_says() -> None:
+def test_architecture_page_locates_classes() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
     rows = re.findall(r"^\| `(\w+)` \| `([\w/.]+)` \|", text, re.MULTILINE)
     assert len(rows) == 10
@@ -140,7 +140,7 @@ def test_the_classes_of_the_architecture_are_where_the_page_says() -> None:
         assert re.search(rf"^class {name}\b", source, re.MULTILINE), name
 
 
-def test_the_own_address_is_told_once() -> None:
+def test_repository_address_appears_once() -> None:
     """It is a placeholder until the project is published."""
     pyproject = (ROOT / "pyproject.toml").read_text("utf-8")
     address = tomllib.loads(pyproject)["project"]["urls"]["Repository"]
@@ -150,7 +150,7 @@ def test_the_own_address_is_told_once() -> None:
     assert any("](repository:)" in text for text in texts.values())
 
 
-def test_the_benchmark_page_lists_the_tasks():
+def test_benchmark_page_lists_the_tasks():
     page = (ROOT / "docs/suite.md").read_text("utf-8")
     assert with_suite_tasks(page) == page
     assert f"which is {suite.VERSION}." in page

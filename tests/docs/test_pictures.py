@@ -18,8 +18,8 @@ from tests.reference.frames import plain_frame
 ENGINE = Path(__file__).parents[2] / "docs" / "images" / "engine"
 
 
-def test_the_engine_finds_the_walls_that_geometry_finds(tmp_path: Path, monkeypatch) -> None:
-    """The pictures are drawn without the engine's paint, which a slow test has."""
+def test_engine_finds_the_same_walls_as_geometry(tmp_path: Path, monkeypatch) -> None:
+    """The pictures are drawn with cheap frames; a slow test uses the engine."""
     pytest.importorskip("matplotlib")
     from docs import engine_pictures
 
@@ -62,7 +62,7 @@ def test_each_picture_is_drawn(tmp_path: Path, monkeypatch) -> None:
             assert (np.asarray(old) != np.asarray(new)).mean() < 0.02
 
 
-def test_returns_can_be_had_again(tmp_path: Path, monkeypatch) -> None:
+def test_stored_returns_are_reproducible(tmp_path: Path, monkeypatch) -> None:
     stored = json.loads(measured.RETURNS.read_text("utf-8"))
     file = tmp_path / "returns.json"
     file.write_text(json.dumps(stored))
@@ -79,14 +79,14 @@ def test_returns_can_be_had_again(tmp_path: Path, monkeypatch) -> None:
     assert [row[key] for key in ("mean", "success", "length")] == [1, 1, 64]
 
 
-def test_agents_of_another_configuration_get_no_row() -> None:
+def test_agents_with_another_config_get_no_row() -> None:
     pytest.importorskip("flax")
     with pytest.raises(SystemExit, match=r"was not trained with .*: its environment differs"):
         measured.row_of("simple-skip6", Path("pretrained/key-door"), 1)
 
 
 @pytest.mark.parametrize("name", MAIN_IDS)
-def test_animations_move_and_have_room_to_say_why_the_expert_waits(name) -> None:
+def test_animations_move_and_have_room_for_the_expert_caption(name) -> None:
     with Image.open(pictures.EPISODES / f"{name}.webp") as animation:
         assert getattr(animation, "n_frames", 1) > 10
     about = jaxenstein.make(name)[0].about()

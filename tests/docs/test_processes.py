@@ -32,7 +32,7 @@ def frames(process: subprocess.Popen[str]) -> list[str]:
 
 # Starts three processes: only this shows that no step of the program needs other devices.
 @pytest.mark.slow
-def test_two_processes_play_what_one_plays() -> None:
+def test_two_processes_give_the_rollout_of_one() -> None:
     code = samples(PAGE)[0].code + DIGESTS
     alone = frames(started(code, 2))
     port = free_port()
@@ -43,7 +43,7 @@ def test_two_processes_play_what_one_plays() -> None:
     assert len(set(alone)) > len(alone) // 2
 
 
-def test_the_exchange_is_computed_from_the_networks() -> None:
+def test_exchanged_bytes_are_computed_from_the_networks() -> None:
     pytest.importorskip("flax")
     from jaxenstein.baselines.runs.options import resolve
 

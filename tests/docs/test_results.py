@@ -1,4 +1,4 @@
-"""`docs/results.json`, and that the table of `docs/results.md` agrees with it."""
+"""`docs/results.json`, and its agreement with the table of `docs/results.md`."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ RUNS = [
 BY_SEED = ("decisions_to_90", "success_last_tenth", "goals_first", "goals_after")
 
 
-def test_lists_have_an_entry_for_each_seed() -> None:
+def test_lists_have_one_entry_per_seed() -> None:
     found = [(run["seeds"], run[name]) for run in RUNS for name in BY_SEED if name in run]
     assert len(found) > 50
     assert [values for seeds, values in found if len(values) != seeds] == []
 
 
-def test_a_seed_that_solves_a_task_has_reached_90_percent() -> None:
+def test_solved_seeds_reached_90_percent() -> None:
     told = [run for run in RUNS if "decisions_to_90" in run]
     reached = [sum(at is not None for at in run["decisions_to_90"]) for run in told]
     assert [run for run, count in zip(told, reached, strict=True) if run["solved"] > count] == []
 
 
 @pytest.mark.slow
-def test_commands_train_what_their_rows_say() -> None:
+def test_commands_match_their_rows() -> None:
     pytest.importorskip("flax")
     pytest.importorskip("optax")
     from jaxenstein.baselines.runs.options import resolve
@@ -56,7 +56,7 @@ def test_commands_train_what_their_rows_say() -> None:
             assert skip == run["frame_skip"], run["command"]
 
 
-def test_the_other_commands_are_understood() -> None:
+def test_other_commands_parse() -> None:
     pytest.importorskip("optax")
     for command in [command for group in GROUPS for command in group.get("commands", ())]:
         program, *flags = shlex.split(command)
@@ -64,7 +64,7 @@ def test_the_other_commands_are_understood() -> None:
             build_parser().parse_args(flags)
 
 
-def test_rows_of_the_page_are_runs_of_the_file() -> None:
+def test_page_rows_match_runs_in_the_file() -> None:
     page = (ROOT / "docs" / "results.md").read_text("utf-8")
     table = page.split("## What agents learn")[1].split("\n## ")[0]
     rows = re.findall(r"^\| (?:\[?`([\w-]+)`.*?)?\| (\d.*) \|$", table, re.MULTILINE)

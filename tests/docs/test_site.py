@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_extra_docs_has_what_the_trainer_needs() -> None:
+def test_docs_extra_includes_trainer_requirements() -> None:
     """The site shows the trainer's flags and classes, so its scripts import the trainer."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
@@ -21,7 +21,7 @@ def test_the_extra_docs_has_what_the_trainer_needs() -> None:
 
 
 @pytest.mark.slow
-def test_the_site_is_built_without_warnings(tmp_path: Path) -> None:
+def test_site_builds_without_warnings(tmp_path: Path) -> None:
     for package in ("sphinx", "furo", "myst_parser"):
         pytest.importorskip(package)
     options = ("-W", "--keep-going", "-q", "-d", str(tmp_path / "cache"))

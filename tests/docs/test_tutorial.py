@@ -24,7 +24,7 @@ SHORTER = {
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("plain_frames")
-def test_the_commands_lead_to_a_film_of_an_agent(
+def test_tutorial_commands_produce_an_animation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("flax", "optax", "matplotlib"):

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from jaxenstein.engine.level import compile_level, is_solid, level_from_walls, occupancy, pack_bits
 from tests.reference.raycaster import solid_tiles
-from tests.reference.search import SEEDS, several
+from tests.reference.search import SEEDS, search_settings
 from tests.reference.worlds import draw_world
 
 SHAPES = [(1, 1), (3, 3), (5, 31), (4, 32), (7, 33), (33, 64), (70, 65), (2, 130)]
@@ -23,7 +23,7 @@ def unpack(words: np.ndarray, line: int, place: int) -> bool:
 def test_pack_bits(shape: tuple[int, int]) -> None:
     packed = jax.jit(pack_bits)
 
-    @several(5)
+    @search_settings(5)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         bits = np.random.default_rng(seed).random(shape) < 0.5
@@ -52,7 +52,7 @@ def test_occupancy_and_solidity(shape: tuple[int, int], bordered: bool) -> None:
 
     words = jax.jit(occupancy)
 
-    @several(8)
+    @search_settings(8)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         world = draw_world(seed, shape, bordered=bordered, poses=1)
@@ -78,7 +78,7 @@ def test_levels_built_in_a_program_equal_compiled_ones(shape: tuple[int, int]) -
     """Field by field, for a batch of maps at once."""
     build = jax.jit(jax.vmap(level_from_walls))
 
-    @several(5)
+    @search_settings(5)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         worlds = [draw_world(seed + i, shape, bordered=True, poses=1) for i in range(3)]
@@ -96,7 +96,7 @@ def test_levels_built_in_a_program_equal_compiled_ones(shape: tuple[int, int]) -
     check()
 
 
-def test_a_closed_border_needs_no_margin() -> None:
+def test_closed_border_needs_no_margin() -> None:
     none = np.zeros((0, 2), np.int32)
     walls = np.full((4, 5), 3, np.uint8)
     walls[1:-1, 1:-1] = 0
@@ -110,8 +110,8 @@ def test_a_closed_border_needs_no_margin() -> None:
     assert compile_level(walls, np.array([(2, 0)], np.int32)).margin == 1
 
 
-def test_what_is_outside_looks_like_a_wall() -> None:
-    """Not like the ceiling (0) or the floor (1)."""
+def test_outside_looks_like_a_wall() -> None:
+    """The outside must not have the id of the ceiling (0) or the floor (1)."""
     level = compile_level(np.zeros((2, 3), np.uint8), np.zeros((0, 2), np.int32))
     ring = np.asarray(level.walls)[0]
     assert (ring[[0, -1]] >= 2).all()

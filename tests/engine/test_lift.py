@@ -1,4 +1,4 @@
-"""An eye that is not at the camera's height: against the reference."""
+"""An eye that is not at the camera's height, compared with the reference."""
 
 import dataclasses
 import functools
@@ -17,7 +17,7 @@ THEME = scenes.plain_theme()
 
 @pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 9])
 @pytest.mark.parametrize("lift", [pytest.param(0.4, marks=pytest.mark.variant), -0.3])
-def test_a_lifted_eye_sees_what_a_higher_one_does(lift: float, count: int) -> None:
+def test_lifted_eye_sees_like_a_higher_eye(lift: float, count: int) -> None:
     """Labels and depth against the reference, colours against a camera of that height."""
     camera = Camera(24, 33, 90, eye=1.3, wall=3.25, row_focal_share=0.8)
     higher = dataclasses.replace(camera, eye=camera.eye + lift)

@@ -1,4 +1,4 @@
-"""Which tiles a step enters, and what stops it, against exact arithmetic."""
+"""The tiles that a step enters and the walls that stop it, in exact arithmetic."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def entered(start: np.ndarray, end: np.ndarray) -> list[Tile]:
 
 
 def segments(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Starts in the tile (3, 3) and ends less than a tile away, float32[count, 2]."""
+    """Starts in tile (3, 3), and ends less than a tile away, float32[count, 2]."""
     rng = np.random.default_rng(0)
     starts = rng.uniform(3, 4, (count, 2)).astype(np.float32)
     angle, length = rng.uniform(0, 2 * np.pi, count), rng.uniform(0, 0.999, count)
@@ -43,7 +43,7 @@ def segments(count: int) -> tuple[np.ndarray, np.ndarray]:
     return starts, starts + steps.astype(np.float32)
 
 
-def test_tiles_of_a_step() -> None:
+def test_tiles_entered_by_a_step() -> None:
     starts, ends = segments(4000)
     firsts, lasts = jax.jit(jax.vmap(path_tiles))(starts, ends)
     corners = 0
@@ -59,8 +59,8 @@ def test_tiles_of_a_step() -> None:
     assert corners > 300
 
 
-def test_a_step_is_stopped_by_any_tile_that_it_enters() -> None:
-    """Around a corner the order counts: one way round is free, the other is not."""
+def test_step_is_stopped_by_any_solid_tile_it_enters() -> None:
+    """Around a corner the order matters: one way is free, the other is not."""
     starts, ends = segments(2000)
     rng = np.random.default_rng(1)
     stopped = passed = 0
@@ -85,8 +85,8 @@ def test_a_step_is_stopped_by_any_tile_that_it_enters() -> None:
     assert min(stopped, passed) > 2000
 
 
-def contracted(offsets: np.ndarray, side: int | None) -> np.ndarray:
-    """`length` as a compiler computes it that joins products and sums into one rounding.
+def fused_length(offsets: np.ndarray, side: int | None) -> np.ndarray:
+    """`length` as computed by a compiler that fuses products and sums into one rounding.
 
     Args:
         offsets: float32[N, 2].
@@ -115,20 +115,20 @@ def contracted(offsets: np.ndarray, side: int | None) -> np.ndarray:
     return values[program.outvars[0]]
 
 
-def test_a_length_is_the_same_whatever_is_rounded_together() -> None:
+def test_length_does_not_depend_on_fusion() -> None:
     rng = np.random.default_rng(2)
     scale = rng.choice([1e-3, 0.3, 5, 60], (4000, 1))
     offsets = (rng.normal(size=(4000, 2)) * scale).astype(np.float32)
-    plain = contracted(offsets, None)
+    plain = fused_length(offsets, None)
     for side in (0, 1):
-        np.testing.assert_array_equal(contracted(offsets, side), plain)
+        np.testing.assert_array_equal(fused_length(offsets, side), plain)
     np.testing.assert_array_equal(jax.jit(length)(offsets), plain)
     np.testing.assert_array_equal([jax.jit(length)(one) for one in offsets[:50]], plain[:50])
     true = np.hypot(*offsets.astype(np.float64).T)
     assert (np.abs(plain - true) <= 1.5 * np.spacing(plain)).all()
 
 
-def test_a_length_has_the_slope_of_a_length() -> None:
+def test_gradient_of_length() -> None:
     offset = jnp.array([-3.0, 4.0]) * 1.1
     np.testing.assert_allclose(jax.grad(length)(offset), [-0.6, 0.8], rtol=1e-6)
 
@@ -144,8 +144,8 @@ def turned(start: Any, angle: Any, count: int) -> np.ndarray:
     return np.asarray(jax.jit(lambda h: jax.lax.scan(once, h, None, length=count)[1])(start))
 
 
-def apart(headings: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Radians between headings, the short way round."""
+def angle_between(headings: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """The smaller angle between headings in radians."""
     off = np.abs(headings.astype(np.float64) - others)
     return np.minimum(off, 2 * math.pi - off)
 
@@ -161,18 +161,18 @@ def test_turns_never_drift(degrees: float, way: int) -> None:
     counts = np.arange(1, 3001)[:, None]
     true = np.radians((parts / 4000 + way * counts * degrees) % 360)
     # And half of the last bit.
-    assert apart(headings, true).max() <= DRIFT + 2.4e-7
+    assert angle_between(headings, true).max() <= DRIFT + 2.4e-7
 
 
 def test_24000_turns_end_where_they_began() -> None:
     starts = np.random.default_rng(1).uniform(0, 2 * math.pi, 50).astype(np.float32)
     headings = turned(starts, jnp.float32(math.radians(15)), 24_000)
     # A start between two parts of a degree takes the nearer one, at most 2.2e-6 away.
-    assert apart(headings[-1], starts).max() <= 2.2e-6 + DRIFT
-    assert apart(headings[-1], headings[23]).max() <= 2 * DRIFT
+    assert angle_between(headings[-1], starts).max() <= 2.2e-6 + DRIFT
+    assert angle_between(headings[-1], headings[23]).max() <= 2 * DRIFT
 
 
-def test_a_walk_of_turns_never_drifts() -> None:
+def test_walk_with_turns_never_drifts() -> None:
     ways = np.random.default_rng(3).choice([-1, 0, 1], 5000).astype(np.float32)
     angle = np.float32(math.radians(15))
 
@@ -182,30 +182,30 @@ def test_a_walk_of_turns_never_drifts() -> None:
 
     headings = np.asarray(jax.lax.scan(once, jnp.float32(0), jnp.asarray(ways))[1])
     true = np.radians((15 * np.cumsum(ways.astype(int))) % 360)
-    assert apart(headings, true).max() <= DRIFT + 2.4e-7
+    assert angle_between(headings, true).max() <= DRIFT + 2.4e-7
 
 
-def test_few_turns_are_plain_sums() -> None:
-    """So that short episodes are the same bits as before headings were kept from drifting."""
+def test_few_turns_equal_plain_sums() -> None:
+    """A few turns give exactly the sum of their angles."""
     angle, heading = np.float32(math.radians(15)), np.float32(0)
     for found in turned(0.0, jnp.float32(angle), 24):
         heading = np.mod(heading + angle, np.float32(2 * math.pi))
         assert found == heading
 
 
-def test_from_the_axes_all_right_angles_are_exact() -> None:
+def test_right_angles_from_the_axes_are_exact() -> None:
     angles = np.float32(np.radians([90, 180, 270, 0]))
     np.testing.assert_array_equal(turned(0.0, jnp.float32(math.pi / 2), 4), angles)
 
 
 @pytest.mark.parametrize("angle", [0.1, 1.0, -0.3, 0.0, 1e-5])
-def test_other_angles_are_added(angle: float) -> None:
+def test_other_angles_add_up(angle: float) -> None:
     starts = np.random.default_rng(1).uniform(0, 6.28, 500).astype(np.float32)
     wanted = np.mod(starts + np.float32(angle), np.float32(2 * math.pi))
     np.testing.assert_array_equal(jax.jit(turn)(starts, jnp.float32(angle)), wanted)
 
 
-def test_turns_are_the_same_alone_and_in_a_batch() -> None:
+def test_turns_are_equal_alone_and_in_a_batch() -> None:
     starts = np.random.default_rng(2).uniform(0, 6.28, 40).astype(np.float32)
     angle = jnp.float32(math.radians(15))
     batch = jax.jit(jax.vmap(turn, (0, None)))(starts, angle)

@@ -33,7 +33,7 @@ def patterned_theme(seed: int) -> Theme:
 @pytest.mark.parametrize("camera", CAMERAS, ids=("whole", "widened"))
 @pytest.mark.parametrize("varying", [False, True], ids=("constant", "varying"))
 def test_patterns_against_the_reference(camera: Camera, varying: bool) -> None:
-    """The theme a constant, or all of it that may vary handed over as a batch."""
+    """With a constant theme, or with all variable parts of the theme as a batch."""
     theme = patterned_theme(3)
     drawn = [scenes.draw_scene(seed, (9, 12), 0) for seed in range(6)]
     batch = [scenes.scene_of(world, no_sprites(), theme) for world, _ in drawn]
@@ -64,8 +64,8 @@ def test_patterns_against_the_reference(camera: Camera, varying: bool) -> None:
     assert compared > 0.6 * len(drawn) * camera.height * camera.width
 
 
-def test_wall_patterns_go_on_beyond_a_tile_and_differ() -> None:
-    """Left and right edges fit each other: no more texels change there than between others."""
+def test_wall_patterns_continue_over_tiles_and_differ() -> None:
+    """Left and right edges match: no more texels change there than between other columns."""
     words = wall_patterns()
     assert words.shape == (len(WALL_PATTERNS), 2, 32)
     assert not words[:, 1].any()

@@ -14,7 +14,7 @@ from jaxenstein.engine.level import compile_level, level_from_walls
 from jaxenstein.engine.raycast import Hits, cast
 from tests.reference import raycaster
 from tests.reference.comparison import Tally, compare
-from tests.reference.search import SEEDS, several
+from tests.reference.search import SEEDS, search_settings
 from tests.reference.worlds import World, draw_world
 
 EXCUSED_AT_MOST = 0.02
@@ -22,7 +22,7 @@ EXCUSED_AT_MOST = 0.02
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One shape of map and image: one compilation (two if a random border happens to be solid)."""
+    """One shape of map and image, so one compilation (two if a random border is solid)."""
 
     rows: int
     columns: int
@@ -50,7 +50,7 @@ class Case:
 
     @property
     def camera(self) -> Camera:
-        """Of a height that does not matter here."""
+        """The camera; its height does not matter here."""
         return Camera(4, self.width, self.field_of_view)
 
 
@@ -86,10 +86,10 @@ def caster(camera: Camera):
 @pytest.mark.parametrize("exact", [False, True], ids=["anywhere", "exact"])
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_random_poses(case: Case, exact: bool) -> None:
-    """Exact ones lie on grid lines, in corners and centres, and look along axes and diagonals."""
+    """Exact poses are on grid lines, in corners and centres, and face along axes and diagonals."""
     tally = Tally()
 
-    @several(25)
+    @search_settings(25)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         world = case.draw(seed, exact)
@@ -108,8 +108,10 @@ def test_random_poses(case: Case, exact: bool) -> None:
     ("rise", "beyond", "excused"),
     [(1.0, 1e-4, True), (1.0, 5e-4, False), (0.01, 1e-3, True), (0.01, 2e-3, False)],
 )
-def test_only_rays_by_a_corner_are_excused(rise: float, beyond: float, excused: bool) -> None:
-    """What is said to meet a tile of a wall, and meets the next one so far from their border."""
+def test_only_rays_near_a_corner_may_hit_the_neighbour(
+    rise: float, beyond: float, excused: bool
+) -> None:
+    """A ray is said to hit a tile, but hits the next one this far from their border."""
     solid = np.zeros((9, 9), bool)
     solid[5] = True
     eye, ray = np.array([3 + beyond, 5 - rise]), np.array([1.0, rise])
@@ -146,13 +148,13 @@ def test_no_ray_slips_through_a_corner(quarter: int, bordered: bool) -> None:
 
 
 @pytest.mark.parametrize("falling", [True, False])
-def test_nothing_is_seen_between_two_tiles_that_touch_at_a_corner(falling: bool) -> None:
+def test_no_view_between_tiles_that_touch_at_a_corner(falling: bool) -> None:
     """From many places, the middle ray of an odd image goes right through that corner."""
     walls = np.zeros((17, 17), np.uint8)
     corner = 8
     walls[corner, corner - falling] = walls[corner - 1, corner - 1 + falling] = 5
     rng = np.random.default_rng(1)
-    # Grid points and centres hit it exactly; what lies anywhere does but for rounding.
+    # Rays from grid points and centres hit it exactly; others up to rounding.
     places = np.stack(np.meshgrid(*[np.arange(0.5, 17, 0.5)] * 2), -1).reshape(-1, 2)
     places = np.concatenate([places, rng.uniform(0.3, 16.7, (800, 2))]).astype(np.float32)
     offsets = corner - places.astype(np.float64)
@@ -163,7 +165,7 @@ def test_nothing_is_seen_between_two_tiles_that_touch_at_a_corner(falling: bool)
     camera = Camera(4, 7, 60)
     hits = caster(camera)(level, np.zeros(0, bool), places, headings)
 
-    # Rays of the slow renderer to either side of it say how far the two tiles are.
+    # Rays of the reference to either side give the distances of the two tiles.
     forward = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     aside = 1e-3 * forward[:, ::-1] * [-1, 1]
     solid = np.pad(walls != 0, 1, constant_values=True)
@@ -177,7 +179,7 @@ def test_nothing_is_seen_between_two_tiles_that_touch_at_a_corner(falling: bool)
 
 
 @pytest.mark.parametrize("bordered", [True, False])
-def test_an_eye_an_ulp_before_a_wall_is_not_in_it(bordered: bool) -> None:
+def test_eye_one_ulp_before_a_wall_is_outside(bordered: bool) -> None:
     walls = np.full((20, 20), 2, np.uint8)
     walls[int(bordered) : 20 - int(bordered), int(bordered) : 20 - int(bordered)] = 0
     walls[:, 9] = 5
@@ -191,7 +193,7 @@ def test_an_eye_an_ulp_before_a_wall_is_not_in_it(bordered: bool) -> None:
 
 
 def test_depth_is_exact_beside_a_wall_far_from_the_origin() -> None:
-    """The eye's place within its tile must not be rounded to a large coordinate's precision."""
+    """The position in a tile must not be rounded to the precision of a large coordinate."""
     walls = np.zeros((3, 128), np.uint8)
     walls[:, 120] = 5
     eye = np.float32(119.99)
@@ -250,7 +252,7 @@ def test_levels_in_the_state_equal_constants(shape: tuple[int, int]) -> None:
 
         return jax.vmap(one)(walls, doors, closed, position, heading)
 
-    @several(8)
+    @search_settings(8)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         worlds = [draw_world(seed + i, shape, bordered=True, poses=1) for i in range(lanes)]
@@ -275,7 +277,7 @@ def test_levels_in_the_state_equal_constants(shape: tuple[int, int]) -> None:
     check()
 
 
-def test_absent_doors_stand_in_the_border() -> None:
+def test_absent_doors_are_in_the_border() -> None:
     walls = jnp.full((5, 5), 3, jnp.uint8).at[1:-1, 1:-1].set(0).at[2, 2].set(31)
     doors = jnp.array([(0, 0), (2, 2), (0, 0)], jnp.int32)
     level = jax.jit(level_from_walls)(walls, doors)
@@ -286,7 +288,7 @@ def test_absent_doors_stand_in_the_border() -> None:
         assert float(hits.depth[0, 0]) == pytest.approx(depth)
 
 
-def test_doors_may_have_their_own_face_ids() -> None:
+def test_doors_can_have_their_own_face_ids() -> None:
     walls = np.zeros((4, 3, 3), np.uint8)
     walls[:, 1, 1] = [11, 12, 13, 14]
     level = compile_level(walls, np.array([(1, 1)], np.int32))

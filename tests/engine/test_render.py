@@ -14,7 +14,7 @@ from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Scene
 from tests.reference import images, raycaster, scenes
 from tests.reference.scenes import no_sprites, renderer
-from tests.reference.search import SEEDS, several
+from tests.reference.search import SEEDS, search_settings
 from tests.reference.worlds import World, draw_world
 
 # The name moved: the old one is deprecated where the new one exists.
@@ -30,13 +30,13 @@ SMALL = Camera(12, 16, 75)
 KINDS = ("rgb", "depth")
 
 
-def arguments(scene: Scene) -> tuple:
-    """What a renderer takes."""
+def render_arguments(scene: Scene) -> tuple:
+    """The arguments of a renderer."""
     return scene.level, scene.closed, scene.position, scene.heading, scene.sprites
 
 
 def hall(length: int = 9, width: int = 7, heading: float = 0.0) -> World:
-    """A hall along +x, walls 9; the eye stands off the middle, away from tile borders."""
+    """A hall along +x with walls 9; the eye is off the middle and away from tile borders."""
     walls = np.full((width, length), 9, np.uint8)
     walls[1:-1, 1:-1] = 0
     eye = np.array([[2.3, 3.4]], np.float32)
@@ -59,15 +59,15 @@ CASES = [
 def test_walls_floor_and_ceiling_against_the_reference(camera: Camera, shape) -> None:
     pixels = masked = 0
 
-    @several(20)
+    @search_settings(20)
     @given(seed=SEEDS)
     def check(seed: int) -> None:
         nonlocal pixels, masked
         world, _ = scenes.draw_scene(seed, shape, 0)
         scene = scenes.scene_of(world, no_sprites(), THEME)
         wanted = scenes.picture_of(world, no_sprites(), THEME, camera, 4)
-        labels = np.asarray(renderer(camera, "labels")(*arguments(scene)))
-        depth = np.asarray(renderer(camera, "depth")(*arguments(scene)))
+        labels = np.asarray(renderer(camera, "labels")(*render_arguments(scene)))
+        depth = np.asarray(renderer(camera, "depth")(*render_arguments(scene)))
         assert labels.dtype == np.uint8
         assert depth.dtype == np.float32
         assert labels.shape == depth.shape == (camera.height, camera.width)
@@ -83,14 +83,14 @@ def test_walls_floor_and_ceiling_against_the_reference(camera: Camera, shape) ->
     assert masked < 0.02 * pixels + 5
 
 
-def many(seed: int, count: int, shape=(9, 12)) -> list[Scene]:
-    """Scenes of equal shapes with sprites, each in its own map."""
+def random_scenes(seed: int, count: int, shape=(9, 12)) -> list[Scene]:
+    """Scenes of the same shape with sprites, each in its own map."""
     drawn = [scenes.draw_scene(seed + i, shape, 3) for i in range(count)]
     return [scenes.scene_of(world, sprites, THEME) for world, sprites in drawn]
 
 
-def alike(one, other, kind: str, at_most: float = 0.01) -> None:
-    """Equal up to a small share of pixels on edges; and those of a channel up to one."""
+def assert_alike(one, other, kind: str, at_most: float = 0.01) -> None:
+    """Compare up to a small share of pixels on edges, and up to one level of a channel."""
     one, other = np.asarray(one, np.float64), np.asarray(other, np.float64)
     assert one.shape == other.shape
     tolerance = 1e-5 * np.abs(one) if kind == "depth" else {"labels": 0, "rgb": 1, "gray": 1}[kind]
@@ -99,21 +99,21 @@ def alike(one, other, kind: str, at_most: float = 0.01) -> None:
 
 def test_without_jit() -> None:
     camera = Camera(6, 8, 60)
-    for scene in many(5, 2, (7, 7)):
+    for scene in random_scenes(5, 2, (7, 7)):
         with jax.disable_jit():
             plain = render(jax.tree.map(jnp.asarray, scene).replace(theme=THEME), camera)
-        alike(plain, renderer(camera, "rgb")(*arguments(scene)), "rgb")
+        assert_alike(plain, renderer(camera, "rgb")(*render_arguments(scene)), "rgb")
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_vmap_equals_a_loop(kind) -> None:
     """Another map, pose and sprites in each lane; the level in the state."""
     run = renderer(SMALL, kind)
-    batch = [arguments(scene) for scene in many(11, 6)]
+    batch = [render_arguments(scene) for scene in random_scenes(11, 6)]
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *batch)
     together = jax.jit(jax.vmap(run))(*stacked)
     for i, one in enumerate(batch):
-        alike(together[i], run(*one), kind)
+        assert_alike(together[i], run(*one), kind)
 
 
 def test_nested_vmap_equals_a_loop() -> None:
@@ -133,7 +133,7 @@ def test_nested_vmap_equals_a_loop() -> None:
     assert frames.shape == (3, 4, 12, 16, 3)
     for i, j in np.ndindex(3, 4):
         one = run(levels[i], closed[i], positions[i, j], headings[i, j], sprites)
-        alike(frames[i, j], one, "rgb")
+        assert_alike(frames[i, j], one, "rgb")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -151,27 +151,27 @@ def test_constant_levels_equal_levels_in_the_state(kind) -> None:
         return render(Scene(level, closed, position, heading, sprites, THEME), SMALL, kind)
 
     frame = constant(scene.position, scene.heading)
-    alike(frame, renderer(SMALL, kind)(*arguments(scene)), kind)
+    assert_alike(frame, renderer(SMALL, kind)(*render_arguments(scene)), kind)
     pose = world.positions[0], world.headings[0]
-    alike(frame, generated(world.walls, world.doors, world.closed, *pose), kind)
+    assert_alike(frame, generated(world.walls, world.doors, world.closed, *pose), kind)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_x64_changes_nothing(kind) -> None:
-    scenery = [arguments(scene) for scene in many(21, 2)]
+    scenery = [render_arguments(scene) for scene in random_scenes(21, 2)]
     single = [np.asarray(renderer(SMALL, kind)(*one)) for one in scenery]
     with enable_x64(True):
         run = renderer.__wrapped__(SMALL, kind)
         double = [np.asarray(run(*one)) for one in scenery]
     for one, other in zip(single, double, strict=True):
         assert one.dtype == other.dtype
-        alike(one, other, kind)
+        assert_alike(one, other, kind)
 
 
 def test_gray_is_the_luma_of_the_colours() -> None:
-    for scene in many(31, 6):
-        rgb = np.asarray(renderer(SMALL, "rgb")(*arguments(scene))).astype(np.float64)
-        gray = np.asarray(renderer(SMALL, "gray")(*arguments(scene)))
+    for scene in random_scenes(31, 6):
+        rgb = np.asarray(renderer(SMALL, "rgb")(*render_arguments(scene))).astype(np.float64)
+        gray = np.asarray(renderer(SMALL, "gray")(*render_arguments(scene)))
         assert gray.dtype == np.uint8
         assert gray.shape == (12, 16)
         luma = rgb @ [0.299, 0.587, 0.114]
@@ -179,7 +179,7 @@ def test_gray_is_the_luma_of_the_colours() -> None:
 
 
 def test_walls_get_darker_with_depth() -> None:
-    """The same wall from near to far, and its two kinds of faces apart."""
+    """The same wall from near to far, for each of its two kinds of faces."""
     camera = Camera(8, 9, 60)
     world = hall(30)
     level = compile_level(world.walls, NO_DOORS)
@@ -202,8 +202,8 @@ def test_the_floor_is_a_checker_of_tiles(heading: float) -> None:
     camera = Camera(40, 41, 75)
     world = hall(heading=heading)
     scene = scenes.scene_of(world, no_sprites(), THEME)
-    rgb = np.asarray(renderer(camera, "rgb")(*arguments(scene))).astype(int)
-    labels = np.asarray(renderer(camera, "labels")(*arguments(scene)))
+    rgb = np.asarray(renderer(camera, "rgb")(*render_arguments(scene))).astype(int)
+    labels = np.asarray(renderer(camera, "labels")(*render_arguments(scene)))
     heading = float(world.headings[0])
     rays = raycaster.directions(heading, camera.width, camera.field_of_view)
     focal = images.focal_length(camera.width, camera.field_of_view)
@@ -225,7 +225,7 @@ def test_the_floor_is_a_checker_of_tiles(heading: float) -> None:
 
 
 def test_panels_are_upright_and_not_mirrored() -> None:
-    """Panel columns run from left to right as seen on all four faces, least bits on top."""
+    """Panel columns run from left to right as seen on all four faces, highest bits on top."""
     rng = np.random.default_rng(8)
     panels = np.zeros((2, 2, 32), np.uint32)
     panels[1] = rng.integers(0, 2**32, (2, 32), dtype=np.uint32)
@@ -270,7 +270,7 @@ def test_panels_are_upright_and_not_mirrored() -> None:
 
 
 def test_walls_have_darker_seams_that_fade_with_depth() -> None:
-    """Facing a wall: columns near a tile's edge are darker near by and the same far away."""
+    """Facing a wall: columns at the edge of a tile are darker nearby and equal far away."""
     walls = np.zeros((20, 41), np.uint8)
     theme = scenes.plain_theme()
     camera = Camera(1, 64, 60)
@@ -294,7 +294,7 @@ def test_walls_have_darker_seams_that_fade_with_depth() -> None:
 
 
 def test_any_size_and_field_of_view() -> None:
-    scene = many(41, 1)[0]
+    scene = random_scenes(41, 1)[0]
     for height, width, field_of_view in [(1, 1, 60), (3, 160, 120), (45, 2, 30)]:
         camera = Camera(height, width, field_of_view)
-        assert renderer(camera, "rgb")(*arguments(scene)).shape == (height, width, 3)
+        assert renderer(camera, "rgb")(*render_arguments(scene)).shape == (height, width, 3)

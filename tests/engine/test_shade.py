@@ -14,12 +14,12 @@ def channels(words: np.ndarray) -> np.ndarray:
     return np.stack([words >> shift & 255 for shift in (0, 8, 16)], axis=-1).astype(np.float64)
 
 
-def test_greys_are_their_own_luma() -> None:
+def test_greys_equal_their_luma() -> None:
     greys = np.arange(256, dtype=np.uint32)
     np.testing.assert_array_equal(luma(greys * np.uint32(0x010101)), greys)
 
 
-def test_luma_is_that_of_bt_601() -> None:
+def test_luma_matches_bt_601() -> None:
     words = np.random.default_rng(0).integers(0, 1 << 24, 5000).astype(np.uint32)
     exact = channels(words) @ [0.299, 0.587, 0.114]
     # Weights in 1/256 are off by at most 1/512 each, and the result is rounded.

@@ -25,7 +25,7 @@ def show(world: World, sprites: Sprites, camera: Camera, kind, layers: int = 4) 
 
 
 def hall(length: int = 12, width: int = 7) -> World:
-    """A hall along +x; the eye stands in its middle, near the west end, and looks east."""
+    """A hall along +x; the eye is in its middle, near the west end, and faces east."""
     walls = np.full((width, length), 9, np.uint8)
     walls[1:-1, 1:-1] = 0
     eye = np.array([[1.5, width / 2]], np.float32)
@@ -71,7 +71,7 @@ def test_sprites_against_the_reference(camera, shape, count: int, layers: int) -
 
 @pytest.mark.parametrize("layers", [1, 2, 3])
 def test_layers_limit_what_a_column_shows(layers: int) -> None:
-    """Four squares behind each other: through holes in the art one sees at most `layers` deep."""
+    """Four squares behind each other: through holes, at most `layers` of them are visible."""
     world, camera = hall(), Camera(48, 48, 60)
     sprites = billboards((6.5, 3.5, 3), (3.5, 3.5, 3), (5.5, 3.5, 3), (4.5, 3.5, 1))
     wanted = scenes.picture_of(world, sprites, THEME, camera, layers)
@@ -83,8 +83,8 @@ def test_layers_limit_what_a_column_shows(layers: int) -> None:
     assert in_front == {2.0, 3.0, 4.0, 5.0} & {float(d) for d in range(2, 2 + layers)}
 
 
-def test_a_batch_paints_the_layers_that_its_members_need() -> None:
-    """Each member as alone, whatever the others see: none to five billboards behind each other."""
+def test_batch_paints_the_layers_its_members_need() -> None:
+    """Each member equals a single image: none to five billboards behind each other."""
     world, camera = hall(), Camera(24, 32, 60)
     depths = [3.0 + 0.3 * i for i in range(5)]
     row = billboards(*((1.5 + d, 3.5 + 0.05 * i * d, 3) for i, d in enumerate(depths)))
@@ -105,7 +105,7 @@ def test_a_batch_paints_the_layers_that_its_members_need() -> None:
         np.testing.assert_array_equal(images, [wanted[i] for i in chosen])
 
 
-def test_a_sprite_is_cut_by_a_wall_before_it() -> None:
+def test_wall_hides_part_of_a_sprite_behind_it() -> None:
     world = hall()
     world.walls[1:4, 4] = 17
     camera = Camera(32, 64, 60)
@@ -134,7 +134,7 @@ def test_invisible_distant_and_close_sprites() -> None:
 
 @pytest.mark.parametrize("look", range(scenes.LOOKS))
 def test_art_is_upright_and_not_mirrored(look: int) -> None:
-    """Texture columns run from left to right as seen, least bits on top; detail over shape."""
+    """Texture columns run from left to right as seen, highest bits on top; detail over shape."""
     world, camera = hall(), Camera(80, 80, 60)
     distance = 0.9
     sprites = billboards((1.5 + distance, 3.5, look))
@@ -154,7 +154,7 @@ def test_art_is_upright_and_not_mirrored(look: int) -> None:
     assert checked > 20
 
 
-def test_sprites_of_equal_depth_are_ordered_the_same_way_everywhere() -> None:
+def test_sprites_of_equal_depth_have_a_fixed_order() -> None:
     """A tie shows one of the two in all columns of both, not a mixture."""
     world, camera = hall(), Camera(32, 32, 60)
     sprites = billboards((4.0, 3.5, 0), (4.0, 3.5, 3))
@@ -166,7 +166,7 @@ def test_sprites_of_equal_depth_are_ordered_the_same_way_everywhere() -> None:
 
 
 @pytest.mark.parametrize("layers", [1, 4])
-def test_sprites_of_equal_depth_beside_each_other_are_all_drawn(layers: int) -> None:
+def test_adjacent_sprites_of_equal_depth_are_all_drawn(layers: int) -> None:
     world, camera = hall(), Camera(32, 64, 60)
     sprites = billboards((4.0, 2.5, 0), (4.0, 4.5, 3), (4.0, 3.5, 1))
     labels = show(world, sprites, camera, "labels", layers)

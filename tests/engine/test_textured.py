@@ -29,7 +29,7 @@ LABELS = 256
 
 
 def draw_looks(seed: int, wall: float, *, of_face: bool) -> tuple[Looks, np.ndarray]:
-    """Random pictures of many sizes, and the material int32[256] or [4, 9, 12] of what shows it."""
+    """Random pictures of many sizes, and the materials int32[256] or int32[4, 9, 12]."""
     rng = np.random.default_rng(seed)
 
     def picture(height: int, width: int, channels: int = 3) -> np.ndarray:
@@ -184,7 +184,7 @@ def test_textures_change_neither_depth_nor_labels(kind: str) -> None:
     assert traced(with_textures, kind) == traced(theme, kind)
 
 
-def test_two_samples_are_the_mean_of_an_image_twice_as_wide() -> None:
+def test_two_samples_average_an_image_twice_as_wide() -> None:
     """Rounded down; square pixels stay as high as they were."""
     camera = Camera(12, 10, 70)
     twice = dataclasses.replace(

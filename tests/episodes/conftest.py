@@ -15,8 +15,8 @@ from tests.episodes.world import FACES, MAP, World
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _without_rays(plain_frames: None) -> None:
-    """Frames that other states have otherwise are enough here."""
+def _plain_frames(plain_frames: None) -> None:
+    """Replaces rendering by cheap frames, which still differ between states."""
 
 
 @pytest.fixture(scope="module")

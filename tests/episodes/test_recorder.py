@@ -1,4 +1,4 @@
-"""What `record` takes, what it refuses, and the doors that it tells of."""
+"""`record`: accepted and refused arguments, and recorded doors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_wrong_arguments_of_record(world: World) -> None:
             record(*world, **arguments)
 
 
-def test_a_function_may_act_and_remember(world: World) -> None:
+def test_function_policy_can_have_memory(world: World) -> None:
     lengths = []
 
     def policy(session: Session) -> jax.Array:
@@ -49,8 +49,8 @@ def test_a_function_may_act_and_remember(world: World) -> None:
     assert again.trajectory == episode.trajectory
 
 
-def test_doors_that_open_on_the_map_are_those_before_the_agent() -> None:
-    """Of a corridor drawn anew, whose level has room for doors that are not there."""
+def test_opened_door_is_in_front_of_the_agent() -> None:
+    """In a generated corridor, whose level has room for absent doors."""
     env, params = jaxenstein.make("key-corridor-s3r3", height=8, width=8)
     played = jaxenstein.record(env, params, "expert", seed=0)
     assert played.tilemap is not None
@@ -76,11 +76,11 @@ NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
 def at(x: float, y: float = 0.0) -> Any:
-    """A session as far as this policy looks at it."""
+    """The parts of a session that this policy uses."""
     return SimpleNamespace(state=SimpleNamespace(position=np.array([x, y])))
 
 
-def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
+def test_forward_policy_walks_then_interacts_then_turns() -> None:
     policy = Forward(NAMES, np.random.default_rng(0))
     policy.DRIFT = 0.0
     moving = [policy(at(i)) for i in range(5)]
@@ -91,12 +91,12 @@ def test_forward_policy_walks_then_tries_the_door_then_turns() -> None:
     assert stuck.count(2) >= 2
 
 
-def test_forward_policy_needs_three_actions_only() -> None:
+def test_forward_policy_needs_only_three_actions() -> None:
     policy = Forward(NAMES[:3], np.random.default_rng(0))
     taken = {policy(at(0)) for _ in range(100)}
     assert taken == {0, 1, 2}
 
 
-def test_forward_policy_says_what_it_lacks() -> None:
+def test_forward_policy_names_missing_actions() -> None:
     with pytest.raises(SettingError, match="missing: turn right"):
         Forward(("turn left", "forward"), np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""One episode at a time: the same seed and actions, the same episode."""
+"""One episode at a time: the same seed and actions give the same episode."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def world() -> World:
     return env, params.replace(max_steps_in_episode=6)
 
 
-def test_same_as_stepping_by_hand(world: World) -> None:
+def test_session_equals_stepping_by_hand(world: World) -> None:
     env, params = jaxenstein.from_ascii(MAP, height=12, width=16, autoreset=None)
     session = Session(*world, seed=5)
     params = session.params
@@ -51,7 +51,7 @@ def test_same_as_stepping_by_hand(world: World) -> None:
     assert session.episode_return == total
 
 
-def test_a_reset_forgets_everything(world: World) -> None:
+def test_reset_forgets_everything(world: World) -> None:
     session = Session(*world, seed=1)
     first = np.asarray(session.observation)
     told = session.info
@@ -65,7 +65,7 @@ def test_a_reset_forgets_everything(world: World) -> None:
     jax.tree.map(np.testing.assert_array_equal, session.info, told)
 
 
-def test_seeds_mean_the_same_whatever_generator_is_the_default(world: World) -> None:
+def test_seeds_do_not_depend_on_the_default_generator(world: World) -> None:
     usual = Session(*world, seed=3).state
     jax.config.update("jax_default_prng_impl", "rbg")
     try:
@@ -84,7 +84,7 @@ def test_actions_outside_the_space_do_nothing(world: World, action: int) -> None
     jax.tree.map(np.testing.assert_array_equal, one.state, other.state)
 
 
-def test_actions_may_come_from_anywhere(world: World) -> None:
+def test_actions_can_be_of_any_integer_type(world: World) -> None:
     session = Session(*world)
     action: Any
     for action in (2, np.int64(2), jnp.int32(2), np.array(2, np.uint8)):

@@ -34,7 +34,7 @@ from tests.episodes.world import MAP, World
     actions=st.lists(st.sampled_from([2, 2, 2, 0, 1, 3, 4, -1]), max_size=20),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_what_is_saved_is_loaded_and_replayed(
+def test_saved_trajectory_loads_and_replays(
     world: World, tmp_path: Path, actions: list[int], seed: int
 ) -> None:
     if not actions:
@@ -54,7 +54,7 @@ def test_what_is_saved_is_loaded_and_replayed(
     assert "the same bit for bit" in played.report()
 
 
-def test_digests_are_those_of_stepping_by_hand(world: World) -> None:
+def test_digests_match_stepping_by_hand(world: World) -> None:
     """Against the environment's own functions, without a session."""
     env, params = world
     env, params = dataclasses.replace(env, autoreset=None), Session(env, params).params
@@ -77,7 +77,7 @@ def test_digests_are_those_of_stepping_by_hand(world: World) -> None:
     assert len(set(trajectory.checks.observations)) == len({digest(item) for item in seen})
 
 
-def test_digests_tell_every_bit_apart() -> None:
+def test_digests_depend_on_every_bit() -> None:
     zero = np.zeros(3, np.float32)
     other = {
         digest(zero),
@@ -91,7 +91,7 @@ def test_digests_tell_every_bit_apart() -> None:
     assert digest(zero.astype(">f4").astype("<f4")) == digest(zero)
 
 
-def test_files_are_small_and_long_episodes_stay_so(world: World, tmp_path: Path) -> None:
+def test_files_are_small_even_for_long_episodes(world: World, tmp_path: Path) -> None:
     actions = [0, 1] * 100
     session = Session(*world)
     for action in actions:
@@ -106,7 +106,7 @@ def test_files_are_small_and_long_episodes_stay_so(world: World, tmp_path: Path)
     assert replay(load_trajectory(tmp_path / "a.json")).identical
 
 
-def test_a_session_in_play_gives_the_same_as_a_recording(world: World, walk: Trajectory) -> None:
+def test_played_session_equals_a_recording(world: World, walk: Trajectory) -> None:
     session = Session(*world, seed=4)
     for action in walk.actions:
         session.step(action)
@@ -114,16 +114,16 @@ def test_a_session_in_play_gives_the_same_as_a_recording(world: World, walk: Tra
     assert session.over
 
 
-def test_runs() -> None:
+def test_run_length_encoding() -> None:
     assert runs([2, 2, 0, 2]) == [[2, 2], [0, 1], [2, 1]]
     assert runs([]) == []
 
 
-# What an environment is built from.
+# Specs of environments.
 
 
 @pytest.mark.parametrize("id", jaxenstein.environment_ids())
-def test_every_environment_can_be_kept(id: str) -> None:
+def test_every_environment_can_be_saved(id: str) -> None:
     env, params = jaxenstein.make(id, height=9, width=np.int64(11), observation="gray")
     spec = spec_of(env, params.replace(max_steps_in_episode=7, discount=0.25))
     assert spec.id == env.name
@@ -134,7 +134,7 @@ def test_every_environment_can_be_kept(id: str) -> None:
     assert int(numbers.max_steps_in_episode) == 7
 
 
-def test_own_settings_are_kept() -> None:
+def test_changed_settings_are_saved() -> None:
     for made in (
         jaxenstein.make("key-corridor", layout_seed=np.uint32(3)),
         jaxenstein.make("health-gathering", hud=False, frame_skip=np.int32(4)),
@@ -146,7 +146,7 @@ def test_own_settings_are_kept() -> None:
         assert env == dataclasses.replace(made[0], autoreset=None)
 
 
-def test_environments_that_cannot_be_built_again_are_told(world: World) -> None:
+def test_environments_that_cannot_be_rebuilt_are_refused(world: World) -> None:
     env, params = world
     stripped = dataclasses.replace(env, tilemap=dataclasses.replace(env.tilemap, goals=((1, 1),)))
 
@@ -176,7 +176,7 @@ def with_checks(walk: Trajectory, **changes: Any) -> Trajectory:
     return dataclasses.replace(walk, checks=dataclasses.replace(walk.checks, **changes))
 
 
-def test_differences_are_named_with_their_steps(walk: Trajectory) -> None:
+def test_report_names_differences_with_their_steps(walk: Trajectory) -> None:
     checks = walk.checks
     states = (*checks.states[:7], "0" * 16, *checks.states[8:])
     played = replay(with_checks(walk, states=states))
@@ -193,7 +193,7 @@ def test_differences_are_named_with_their_steps(walk: Trajectory) -> None:
     )
 
 
-def test_differences_in_long_episodes_name_a_range(world: World) -> None:
+def test_report_names_a_range_for_long_episodes(world: World) -> None:
     trajectory = record(*world, [0] * 69, seed=1).trajectory
     assert trajectory is not None
     checks = trajectory.checks
@@ -205,7 +205,7 @@ def test_differences_in_long_episodes_name_a_range(world: World) -> None:
         assert played.differences == (f"states differ from some step of {words} on",)
 
 
-def test_another_behaviour_is_found_and_versions_are_told(walk: Trajectory) -> None:
+def test_report_names_changed_behaviour_and_versions(walk: Trajectory) -> None:
     spec = walk.environment
     slower = dataclasses.replace(spec, version=3, params={**spec.params, "move_distance": 0.1})
     other = dataclasses.replace(
@@ -218,6 +218,6 @@ def test_another_behaviour_is_found_and_versions_are_told(walk: Trajectory) -> N
     assert "environment had version 3, now 0" in report
     assert "made by  jaxenstein 0.0.1, jax" in report
     assert f"running  jaxenstein {jaxenstein.__version__}, jax {jax.__version__}" in report
-    # What was played now can be replayed in its turn.
+    # The replayed episode can be replayed again.
     assert played.episode.trajectory is not None
     assert replay(played.episode.trajectory).identical

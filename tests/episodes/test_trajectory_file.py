@@ -1,4 +1,4 @@
-"""Trajectory files that are not as they were, and files that cannot be written."""
+"""Changed trajectory files, and files that cannot be written."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def put(path: Path, table: Any) -> Path:
     return path
 
 
-def test_prefixes_of_a_file_are_told(walk: Trajectory, tmp_path: Path) -> None:
+def test_truncated_files_are_refused(walk: Trajectory, tmp_path: Path) -> None:
     path = tmp_path / "walk.json"
     walk.save(path)
     data = path.read_bytes()
@@ -48,21 +48,21 @@ def test_prefixes_of_a_file_are_told(walk: Trajectory, tmp_path: Path) -> None:
         (b'{"format": ' + b"9" * 5000 + b"}", "not a trajectory"),
     ],
 )
-def test_other_files_are_told(content: bytes, words: str, tmp_path: Path) -> None:
+def test_other_files_are_refused(content: bytes, words: str, tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(content)
     with pytest.raises(TrajectoryError, match=words):
         load_trajectory(path)
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(TrajectoryError, match="cannot be read: no such file"):
         load_trajectory(tmp_path / "none.json")
     with pytest.raises(TrajectoryError, match="cannot be read"):
         load_trajectory(tmp_path)
 
 
-def test_a_newer_format_names_who_made_it(table: dict[str, Any], tmp_path: Path) -> None:
+def test_error_for_newer_format_names_its_version(table: dict[str, Any], tmp_path: Path) -> None:
     table["format_version"] = 2
     table["made_by"]["jaxenstein"] = "7.1"
     table["more"] = "entries"
@@ -142,7 +142,7 @@ def change(table: dict[str, Any], entry: str, edit: Callable[[dict[str, Any], st
     return table
 
 
-def test_wrong_entries_are_named(table: dict[str, Any], tmp_path: Path) -> None:
+def test_error_names_wrong_entry(table: dict[str, Any], tmp_path: Path) -> None:
     for entry, value, words in WRONG:
         wrong = change(table, entry, lambda inner, name, v=value: inner.__setitem__(name, v))
         with pytest.raises(TrajectoryError, match=words) as caught:
@@ -150,7 +150,7 @@ def test_wrong_entries_are_named(table: dict[str, Any], tmp_path: Path) -> None:
         assert str(caught.value).startswith(f"{tmp_path / 'a.json'}: "), entry
 
 
-def test_missing_entries_are_named(table: dict[str, Any], tmp_path: Path) -> None:
+def test_error_names_missing_entry(table: dict[str, Any], tmp_path: Path) -> None:
     inner = [f"{outer}.{name}" for outer in ("environment", "checks") for name in table[outer]]
     for entry in [*table, *inner]:
         missing = change(table, entry, lambda inner, name: inner.__delitem__(name))
@@ -175,10 +175,10 @@ VALUES = st.recursive(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_any_damage_is_told_or_harmless(
+def test_damage_is_reported_or_harmless(
     table: dict[str, Any], tmp_path: Path, data: st.DataObject
 ) -> None:
-    """Whatever stands in a place of the file, nothing but a TrajectoryError comes of it."""
+    """Any value in the file gives a TrajectoryError or nothing."""
     damaged = copy.deepcopy(table)
     place: Any = damaged
     while True:
@@ -198,7 +198,7 @@ def test_any_damage_is_told_or_harmless(
         assert load_trajectory(tmp_path / "b.json") == loaded
 
 
-def test_failed_writing_leaves_what_was_there(
+def test_failed_write_keeps_the_old_file(
     walk: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def no_space(*_: object, **__: object) -> None:
@@ -219,7 +219,7 @@ def test_failed_writing_leaves_what_was_there(
         walk.save(tmp_path / "a.txt")
 
 
-def test_messages_are_short_whatever_a_file_has(table: dict[str, Any], tmp_path: Path) -> None:
+def test_messages_are_short_for_any_file(table: dict[str, Any], tmp_path: Path) -> None:
     long = "x" * 100_000
     path = tmp_path / "walk.json"
     told = []

@@ -1,4 +1,4 @@
-"""Examples run with JAX' settings as users have them."""
+"""Examples run with JAX's default settings."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ import pytest
 
 
 @pytest.fixture(autouse=True)
-def settings_as_users_have_them() -> Iterator[None]:
+def default_jax_settings() -> Iterator[None]:
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         yield
     jax.config.update("jax_cpu_enable_async_dispatch", True)

@@ -22,8 +22,8 @@ def outpost():
     return jaxenstein.make("examples.custom_shooter:Outpost", height=12, width=18)
 
 
-def test_it_is_won_at_the_exit_once_the_chief_is_dead(outpost) -> None:
-    """And until then its scripted player goes to him."""
+def test_exit_wins_once_the_chief_is_dead(outpost) -> None:
+    """Until then, its scripted player walks to the chief."""
     env, params = outpost
     rows = custom_shooter.MAP.split()
     tiles = {tile: [y, x] for y, row in enumerate(rows) for x, tile in enumerate(row)}
@@ -41,8 +41,8 @@ def test_it_is_won_at_the_exit_once_the_chief_is_dead(outpost) -> None:
 
 
 @pytest.mark.slow
-def test_it_is_won_and_lost(outpost) -> None:
-    """Thousands of steps, which without optimisations take half a minute."""
+def test_game_can_be_won_and_lost(outpost) -> None:
+    """Thousands of steps, which take half a minute without optimisations."""
     env, params = outpost
     first = jax.jit(jax.vmap(lambda key: env.first_state(key, params)))
     states, shares = first(jax.random.split(jax.random.key(0), 24)), {}
@@ -56,7 +56,7 @@ def test_it_is_won_and_lost(outpost) -> None:
 
 
 @pytest.mark.slow
-def test_its_program_plays_and_writes_a_film(tmp_path, capsys) -> None:
+def test_program_plays_and_writes_an_animation(tmp_path, capsys) -> None:
     film = tmp_path / "outpost.gif"
     shares = custom_shooter.main(["--episodes", "16", "--out", str(film)])
     assert shares["idle"] == 0 < shares["hunt"]
@@ -65,7 +65,7 @@ def test_its_program_plays_and_writes_a_film(tmp_path, capsys) -> None:
 
 
 @pytest.mark.slow
-def test_an_agent_trains_on_it(tmp_path) -> None:
+def test_agent_trains_on_it(tmp_path) -> None:
     pytest.importorskip("flax")
     flags = [
         "--env=examples.custom_shooter:Outpost", "--height=8", "--width=12", "--horizon=20",

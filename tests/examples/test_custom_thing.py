@@ -14,7 +14,7 @@ from examples.custom_thing import MUSHROOM, MushroomHunt
 from jaxenstein.maps import label_name
 
 
-def test_frames_show_it() -> None:
+def test_frames_show_the_thing() -> None:
     env = MushroomHunt(height=24, width=32, observation="labels")
     labels = np.asarray(env.reset(jax.random.key(0))[0])
     assert label_name(MUSHROOM.label) == "mushroom"
@@ -22,7 +22,7 @@ def test_frames_show_it() -> None:
     assert (labels == MUSHROOM.label).any(axis=0).sum() in (3, 4, 5)
 
 
-def test_its_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(Path(custom_thing.__file__)), run_name="__main__")
     out = capsys.readouterr().out
     assert "return 1" in out

@@ -1,4 +1,4 @@
-"""The world of one's own: all its levels can be solved, and the planner does it."""
+"""The custom world: all levels are solvable, and the planner solves them."""
 
 import jax
 import pytest
@@ -14,7 +14,7 @@ def levels():
     return env, draw(jax.random.split(jax.random.key(0), 256))
 
 
-def test_everything_can_be_had(levels):
+def test_everything_is_reachable(levels):
     _, states = levels
     search = Search(jax.device_get(states), carries=True)
     assert search.had.all()

@@ -1,4 +1,4 @@
-"""The PPO example on Gymnasium's interface: what it collects, and that it learns."""
+"""The PPO example on Gymnasium's interface: its rollouts and its learning."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def envs() -> Any:
     return vector.GymnasiumVectorEnv(env, params, 8)
 
 
-def test_steps_that_reset_are_not_counted(envs: Any) -> None:
+def test_reset_steps_are_not_counted(envs: Any) -> None:
     weights = init_network(jax.random.key(0), (8, 16, 3), 5)
     last = envs.reset(seed=1)[0], np.zeros(8, bool)
     past, (after, over), returns = ppo.collect(envs, weights, 100, last, jax.random.key(0))
@@ -38,7 +38,7 @@ def test_steps_that_reset_are_not_counted(envs: Any) -> None:
     assert after.shape == past.observation[0].shape
 
 
-def test_it_learns_to_walk_down_a_corridor(envs: Any) -> None:
+def test_agent_learns_to_walk_down_a_corridor(envs: Any) -> None:
     told: list[str] = []
     settings = Settings(envs=8, steps=64, updates=20)
     _, history = ppo.train(envs, settings, 1, told.append)

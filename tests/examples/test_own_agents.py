@@ -1,4 +1,4 @@
-"""The agents in flax and in equinox: what they collect, log, save and write; they learn."""
+"""The agents in flax and in equinox: rollouts, logs, saved files, and learning."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SMALL += ["--episodes=3"]
 
 @pytest.fixture
 def loggers(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
-    """What TensorBoard and Weights & Biases, which need not be installed, are told."""
+    """Fakes of TensorBoard and Weights & Biases that record what they get."""
     told: list[tuple[str, Any]] = []
 
     class Writer:
@@ -59,7 +59,7 @@ def loggers(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.usefixtures("plain_frames")
-def test_a_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) -> None:
+def test_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) -> None:
     example = pytest.importorskip(f"examples.{name}")
     weights, results = example.main([*SMALL, "--out", str(tmp_path)])
     assert capsys.readouterr().out.count("steps: episodes") == 3
@@ -95,7 +95,7 @@ def test_both_loggers_write_their_files(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.usefixtures("plain_frames")
-def test_a_rollout_is_what_its_sequence_computes(name: str) -> None:
+def test_rollout_matches_sequence_computation(name: str) -> None:
     """Acting keeps the memory step by step, learning goes through all steps at once."""
     example = pytest.importorskip(f"examples.{name}")
     env, params = jaxenstein.make("miniworld-hallway", height=8, width=8, autoreset="next-step")
@@ -127,7 +127,7 @@ def test_a_rollout_is_what_its_sequence_computes(name: str) -> None:
 
 @pytest.mark.training
 @pytest.mark.parametrize("name", NAMES)
-def test_it_learns(name: str, tmp_path: Path) -> None:
+def test_agent_learns(name: str, tmp_path: Path) -> None:
     example = pytest.importorskip(f"examples.{name}")
     _, results = example.main(["--out", str(tmp_path)])
     assert results.successes.mean() > 0.95

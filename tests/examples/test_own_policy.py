@@ -7,14 +7,14 @@ import jaxenstein
 from examples import own_policy
 
 
-def test_the_agent_reaches_the_right_end_each_time(capsys: pytest.CaptureFixture[str]) -> None:
+def test_agent_always_reaches_the_right_end(capsys: pytest.CaptureFixture[str]) -> None:
     results = own_policy.main(episodes=12)
     # 33 steps, 6 turns, and 4 tiles less the radius of the goal in steps of 0.15.
     np.testing.assert_array_equal(results.lengths, 33 + 6 + 25)
     np.testing.assert_array_equal(results.returns, 1)
     assert results.successes.all()
     assert "own_policy in t-maze: return 1 (1 to 1), success 100.0%" in capsys.readouterr().out
-    # The same without what it remembers ends in one arm: right for some cues only.
+    # Without its memory it always ends in the same arm, which is right only for some cues.
     env, params = jaxenstein.make("t-maze")
     policy, carry = own_policy.agent(env, params)
 

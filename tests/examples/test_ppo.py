@@ -32,7 +32,7 @@ def by_definition(values, reward, terminated, ended, discount, gae_lambda):
 
 
 @pytest.mark.parametrize("gae_lambda", [0.0, 0.9, 1.0])
-def test_advantages_are_those_of_the_definition(gae_lambda):
+def test_advantages_match_the_definition(gae_lambda):
     rng = np.random.default_rng(0)
     steps, count = 24, 40
     values = rng.normal(size=(steps + 1, count)).astype(np.float32)
@@ -47,7 +47,7 @@ def test_advantages_are_those_of_the_definition(gae_lambda):
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
-def test_a_short_training(capsys):
+def test_short_training(capsys):
     arguments = ["--size", "16", "--envs", "4", "--steps", "12", "--updates", "2", "--limit", "5"]
     weights, report = ppo.main(arguments)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(weights))
@@ -64,7 +64,7 @@ def test_a_short_training(capsys):
 
 
 @pytest.mark.slow
-def test_it_learns(capsys):
+def test_agent_learns(capsys):
     _, report = ppo.main(["--seed", "5"])
     returns = np.asarray(report.mean_return)
     assert np.nanmean(returns[:5]) < 0.3

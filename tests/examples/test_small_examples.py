@@ -1,4 +1,4 @@
-"""The custom map runs and does what it says."""
+"""The example of a custom map runs and does what its text says."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ pytest.importorskip("torch")
 from examples import torch_loop
 
 
-def test_a_short_training(capsys):
+def test_short_training(capsys):
     curve = torch_loop.main(["--updates", "10", "--envs", "3", "--steps", "6"])
     assert len(curve) == 10
     # Episodes end after 50 of the 60 steps at the latest.
@@ -19,6 +19,6 @@ def test_a_short_training(capsys):
 
 
 @pytest.mark.slow
-def test_it_learns():
+def test_agent_learns():
     curve = torch_loop.main(["--seed", "1"])
     assert curve[-1] > 0.8

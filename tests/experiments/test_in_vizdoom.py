@@ -17,7 +17,7 @@ from experiments import in_vizdoom
 
 
 class Counter:
-    """A session that ends after two steps and a seventh of its number."""
+    """A session that ends after two steps plus a seventh of its number."""
 
     def __init__(self, env: Any, params: Any, seed: int) -> None:
         self.number, self.begun = seed, 0
@@ -42,7 +42,7 @@ class Counter:
         return self.observation
 
 
-def test_games_step_by_themselves_and_begin_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_games_step_independently_and_restart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(in_vizdoom, "GameSession", Counter)
     env: Any = SimpleNamespace(action_space=None, observation_space=None, frame_skip=4)
     games = in_vizdoom.Games(env, None, 2)

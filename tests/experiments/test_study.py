@@ -22,7 +22,7 @@ def row(successes: int, episodes: int) -> dict[str, Any]:
     return {"successes": successes, "episodes": episodes}
 
 
-def test_learned_is_three_updates_together() -> None:
+def test_solved_at_looks_at_three_updates_together() -> None:
     lucky = [row(0, 10), row(10, 10), row(0, 10), row(1, 10)]
     assert study.solved_at(lucky, 0.9) == float("inf")
     assert study.solved_at([*lucky, row(9, 10), row(10, 10), row(8, 10)], 0.9) == 7
@@ -42,7 +42,7 @@ def test_the_variants_are_experiments(file: Path) -> None:
 
 
 @pytest.mark.usefixtures("plain_frames")
-def test_a_study_trains_goes_on_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_study_trains_resumes_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "base.toml").write_text(
         'map = """\n####\n#SG#\n####\n"""\nheading = 0\nheight = 8\nwidth = 8\nhorizon = 8\n'
         'recipe = "tuned"\nnum_envs = 8\nrollout = 8\nseeds = 2\ntotal_steps = 256\n'

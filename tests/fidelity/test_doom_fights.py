@@ -25,7 +25,7 @@ from fidelity import doom_players
 
 
 def trace(tics: int, **fields: Any) -> Seen:
-    """A player in the middle, who looks north, and one monster 100 units east."""
+    """A player in the middle who faces north, and a monster 100 units to the east."""
     nothing = {
         "health": np.full(tics, 100),
         "ammo": np.full(tics, 9),
@@ -39,13 +39,13 @@ def trace(tics: int, **fields: Any) -> Seen:
     return Seen(**nothing | fields)
 
 
-def test_a_fireball_counts_in_the_tic_in_which_it_appears() -> None:
+def test_fireball_counts_in_the_tic_it_appears() -> None:
     places = [[(50.0, 0), (0, 0)], [(40, 0), (63, 5)], [(34, 8), (53, 5)], [(9, 9), (0, 0)]]
     flies = np.array([[True, False], [True, True], [True, True], [False, False]])
     assert thrown(trace(4, balls=np.array(places), flies=flies)).tolist() == [1, 0, 0]
 
 
-def test_a_shot_is_aimed_at_whom_the_player_looks() -> None:
+def test_shot_is_aimed_where_the_player_looks() -> None:
     places = np.tile([[(100.0, 0.0), (0.0, 30.0), (0.0, 20.0)]], (4, 1, 1))
     living = np.ones((4, 3), bool)
     living[:, 2] = False
@@ -56,14 +56,14 @@ def test_a_shot_is_aimed_at_whom_the_player_looks() -> None:
     assert distances(watched)[0].tolist() == [100, 30, math.inf]
 
 
-def test_samples_of_one_distribution_and_of_two() -> None:
+def test_likeness_of_equal_and_different_distributions() -> None:
     dice = np.random.default_rng(0).integers(1, 7, (2, 600))
     assert likeness(dice[0].tolist(), dice[1].tolist()) > 0.001
     assert likeness(dice[0].tolist(), (dice[1] % 5).tolist()) < 1e-6
     assert likeness([1.0] * 20, [1.0] * 30) == 1
 
 
-def test_what_counts_as_apart() -> None:
+def test_distance_in_standard_errors() -> None:
     assert doom_players.apart((3.0, 0.3), (4.0, 0.4)) == pytest.approx(2)
     assert doom_players.apart((3.0, 0.0), (3.0001, 0.0)) == 0
     assert doom_players.apart((3.0, 0.0), (4.0, 0.0)) == math.inf
@@ -105,7 +105,7 @@ class Counting:
         type(self).begun -= 1
 
 
-def test_games_side_by_side_are_episodes_by_their_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parallel_games_equal_episodes_in_seed_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doom_players, "GameSession", Counting)
     monkeypatch.setattr(
         doom_players, "_chooser", lambda *_: lambda key, told: [int(t) for t in told]

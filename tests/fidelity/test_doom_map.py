@@ -11,7 +11,7 @@ from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, load_map
 from jaxenstein.tasks.doom.wad import Wad
 
-# Clockwise, as Doom's walls go around what they enclose.
+# Clockwise, like Doom's walls around a room.
 CORNERS = [(0, 64), (32, 64), (32, 0), (0, 0)]
 
 
@@ -31,7 +31,7 @@ def udmf(
     )
 
 
-def test_a_map_is_read() -> None:
+def test_map_is_read() -> None:
     found = read_map(udmf(extra="thing { type = 1; x = 1; y = -2; }"))
     assert found.walls == (
         Line(0, 64, 32, 64, "T0"),
@@ -61,13 +61,13 @@ def test_a_map_is_read() -> None:
         ('thing { s = "open; }', "neither a block nor a field: s ="),
     ],
 )
-def test_maps_that_we_cannot_hold_are_refused(text: str, message: str) -> None:
+def test_unsupported_maps_are_refused(text: str, message: str) -> None:
     with pytest.raises(MapError, match=message):
         read_map(text)
 
 
-def test_a_text_of_the_package_is_read_as_it_was_written() -> None:
-    """The maps of the package equal those of the game, if it is installed."""
+def test_packaged_maps_equal_maps_of_the_game() -> None:
+    """The packaged maps equal the maps of the game, if it is installed."""
     vizdoom = pytest.importorskip("vizdoom")
     path = Path(vizdoom.scenarios_path) / "my_way_home.wad"
     assert read_map(Wad(path).lump("TEXTMAP").decode()) == load_map("my-way-home")

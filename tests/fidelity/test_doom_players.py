@@ -14,7 +14,7 @@ pytest.importorskip("gymnasium")
 from fidelity import doom_players
 
 
-def test_what_counts_as_apart() -> None:
+def test_distance_in_standard_errors() -> None:
     assert doom_players.apart((3.0, 0.3), (4.0, 0.4)) == pytest.approx(2)
     assert doom_players.apart((3.0, 0.0), (3.0001, 0.0)) == 0
     assert doom_players.apart((3.0, 0.0), (4.0, 0.0)) == math.inf
@@ -52,7 +52,7 @@ class Counting:
         type(self).begun -= 1
 
 
-def test_games_side_by_side_are_episodes_by_their_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parallel_games_equal_episodes_in_seed_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doom_players, "GameSession", Counting)
     monkeypatch.setattr(
         doom_players, "_chooser", lambda *_: lambda key, told: [int(t) for t in told]

@@ -19,7 +19,7 @@ def coins(rng: np.random.Generator, number: int, heads: float) -> list[Observati
     ]
 
 
-def test_the_chance_of_a_small_table() -> None:
+def test_p_value_of_a_small_table() -> None:
     first: list[Observation] = [{"x": ["a"]}] * 3 + [{"x": ["b"]}]
     second: list[Observation] = [{"x": ["a"]}] + [{"x": ["b"]}] * 3
     # Of the 70 ways to deal four "a" to eight places, 2 differ by 1 and 32 by a half.
@@ -28,7 +28,7 @@ def test_the_chance_of_a_small_table() -> None:
     assert chances(sample, sample) == {"x": 1, "y": 1}
 
 
-def test_a_difference_is_found_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_real_difference_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     found = chances(coins(rng, 300, 0.3), coins(rng, 300, 0.5))
     assert found["side"] < 0.002

@@ -10,8 +10,8 @@ KINDS = {"k": "key", "G": "goal", "~": "lava", "o": "ball", "x": "box"}
 DOORS = {"D": "door", "L": "locked"}
 
 
-def shown(text: str, heading: int = 0) -> dict[str, list[str]]:
-    """What a drawn level shows."""
+def layout_of(text: str, heading: int = 0) -> dict[str, list[str]]:
+    """The contents of a level that is given as text."""
     marks = [(f"{c},{r}", m) for r, line in enumerate(text.split()) for c, m in enumerate(line)]
     column, row = next(place for place, mark in marks if mark == "S").split(",")
     return {
@@ -44,4 +44,4 @@ def shown(text: str, heading: int = 0) -> dict[str, list[str]]:
     ],
 )
 def test_moves(text: str, heading: int, end: str, moves: int) -> None:
-    assert fewest_moves(shown(text, heading), end) == moves
+    assert fewest_moves(layout_of(text, heading), end) == moves

@@ -6,7 +6,7 @@ import pytest
 from fidelity.miniworld_places import First, distance, numbers
 
 
-def test_ways_through_a_maze_and_around_things() -> None:
+def test_paths_through_a_maze_and_around_things() -> None:
     """A fork with three ends and the box two cells away; three things in a square's corners."""
     ways = [((0, 0), (1, 0)), ((1, 0), (2, 0)), ((1, 0), (1, 1))]
     first = First(np.array([0.0, 0.0]), -0.5, np.array([[1.0, 1.0]]), ways)
@@ -19,5 +19,5 @@ def test_ways_through_a_maze_and_around_things() -> None:
     assert numbers("collect-health", first)["apart"] == 3
 
 
-def test_the_distance_of_two_samples() -> None:
+def test_distance_between_two_samples() -> None:
     assert distance(np.array([0.0, 1.0, 2.0, 3.0]), np.array([2.0, 3.0])) == 0.5

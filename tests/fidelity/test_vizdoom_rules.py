@@ -7,7 +7,7 @@ import pytest
 from fidelity.vizdoom_rules import Snapshot, towards_nearest, uniform
 
 
-def test_chances_of_chi_square_as_in_tables(capsys: pytest.CaptureFixture[str]) -> None:
+def test_chi_square_p_values_match_tables(capsys: pytest.CaptureFixture[str]) -> None:
     # The 95 in 100 point of 10 degrees of freedom is 18.307. Eleven counts of mean 100, two of
     # them off by d, have the statistic 2 d^2 / 100.
     off = (18.307 * 50) ** 0.5

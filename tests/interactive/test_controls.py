@@ -1,4 +1,4 @@
-"""From keys to actions, with a clock of the test's own."""
+"""From keys to actions, with a simulated clock."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ FPS = 10.0
 
 
 def played(controls: Controls, start: float, seconds: float) -> list[tuple[float, int]]:
-    """The actions of a display that looks every millisecond, each with its time."""
+    """The actions of a display that polls every millisecond, each with its time."""
     found = []
     for tick in range(round(1000 * seconds)):
         now = start + tick / 1000
         due = controls.due(now)
         action = controls.take(now)
-        # What is due is taken, and nothing else is.
+        # Only due actions are taken.
         assert (due == 0.0) == (action is not None)
         if action is not None:
             found.append((round(now, 3), action))
     return found
 
 
-def test_every_key_of_the_wish_list_acts() -> None:
+def test_every_listed_key_acts() -> None:
     wanted = {
         FORWARD: ("w", "up"),
         BACKWARD: ("s", "down"),
@@ -52,8 +52,8 @@ def test_keys_without_a_meaning_do_nothing() -> None:
     assert controls.take(0.0) is None
 
 
-def test_keys_together_are_the_action_that_takes_both() -> None:
-    """As of Doom's tasks with buttons="all"; where there is none, they take turns."""
+def test_keys_pressed_together_give_the_combined_action() -> None:
+    """As in Doom with buttons="all"; without a combined action, keys take turns."""
     names = ("nothing", "attack", "turn left", "turn left + attack", "turn right")
     assert keys_of(names)["turn left + attack"] == ()
     controls = Controls(names, FPS)
@@ -62,7 +62,7 @@ def test_keys_together_are_the_action_that_takes_both() -> None:
     assert {action for _, action in played(controls, 0.0, 0.95)} == {3}
     controls.release("a")
     assert {action for _, action in played(controls, 1.0, 0.95)} == {1}
-    # There is no action for turning right and shooting, and the two directions exclude each other.
+    # There is no action for turning right and shooting, and opposite directions exclude each other.
     controls.press("d", 2.0)
     assert {action for _, action in played(controls, 2.0, 0.95)} == {1, 4}
     controls.release("space")
@@ -70,8 +70,8 @@ def test_keys_together_are_the_action_that_takes_both() -> None:
     assert {action for _, action in played(controls, 3.01, 0.9)} == {2}
 
 
-def test_taps_that_wait_together_are_one_action() -> None:
-    """As a terminal tells them: released at once."""
+def test_waiting_taps_combine_into_one_action() -> None:
+    """As in a terminal: released at once."""
     controls = Controls(("attack", "turn left", "turn left + attack"), FPS)
     for key in ("space", "a"):
         controls.press(key, 0.0)
@@ -93,7 +93,7 @@ def test_two_actions_never_share_a_key() -> None:
     assert keys_of(names) == {"interact": ("space",), "attack": ("f",), "drop": ("1",)}
 
 
-def test_a_tap_is_one_step_however_short_or_long() -> None:
+def test_tap_of_any_length_is_one_step() -> None:
     for length in (0.0, 0.03, 0.9 * HOLD):
         controls = Controls(ACTION_NAMES, FPS)
         controls.press("w", 5.0)
@@ -102,7 +102,7 @@ def test_a_tap_is_one_step_however_short_or_long() -> None:
         assert [action for _, action in before + played(controls, 5.0 + length, 1.0)] == [FORWARD]
 
 
-def test_a_held_key_repeats_at_the_rate() -> None:
+def test_held_key_repeats_at_the_frame_rate() -> None:
     controls = Controls(ACTION_NAMES, FPS)
     controls.press("up", 5.0)
     times = [time for time, _ in played(controls, 5.0, 1.05)]
@@ -114,12 +114,12 @@ def test_a_held_key_repeats_at_the_rate() -> None:
     assert controls.due(7.0) is None
 
 
-def test_a_display_that_looks_rarely_keeps_the_rate() -> None:
+def test_irregular_polling_keeps_the_rate() -> None:
     controls = Controls(ACTION_NAMES, FPS)
     controls.press("w", 0.0)
     looks = np.cumsum(np.random.default_rng(0).uniform(0.001, 0.09, 400))
     steps = sum(controls.take(float(now)) is not None for now in looks)
-    # One at once, and from then on ten a second.
+    # One at once, and then ten per second.
     assert abs(steps - 1 - FPS * (looks[-1] - HOLD)) < 2
 
 
@@ -128,7 +128,7 @@ def test_taps_between_steps_wait_for_their_turn() -> None:
     for key in ("w", "w", "d", "space", "d"):
         controls.press(key, 5.0)
         controls.release(key)
-    # The second press of a key that still waits is no step more.
+    # A second press of a waiting key adds no step.
     assert [action for _, action in played(controls, 5.0, 1.0)] == [FORWARD, RIGHT, INTERACT]
 
 
@@ -143,7 +143,7 @@ def test_keys_held_together_take_turns() -> None:
     assert {action for _, action in played(controls, 6.2, 0.5)} == {LEFT}
 
 
-def test_of_opposite_keys_the_later_one_counts() -> None:
+def test_later_of_two_opposite_keys_counts() -> None:
     controls = Controls(ACTION_NAMES, FPS)
     controls.press("w", 5.0)
     played(controls, 5.0, 0.6)

@@ -1,4 +1,4 @@
-"""Playing by hand with a clock of the test's own, without a window."""
+"""Playing by hand with a simulated clock, without a window."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def tap(game: Game, *keys: str) -> None:
         game.advance(now)
 
 
-def test_keys_are_actions_and_show_what_the_agent_sees(game: Game, world: tuple[Any, Any]) -> None:
+def test_keys_act_and_the_game_shows_the_observation(game: Game, world: tuple[Any, Any]) -> None:
     keys = ("w", "up", "a", "left", "d", "right", "s", "down", "space", "x")
     actions = (FORWARD, FORWARD, TURN_LEFT, TURN_LEFT, TURN_RIGHT, TURN_RIGHT, BACKWARD, BACKWARD)
     reference = Session(*world, 5)
@@ -60,12 +60,12 @@ def test_keys_are_actions_and_show_what_the_agent_sees(game: Game, world: tuple[
     assert game.session.actions == [*actions, INTERACT]
 
 
-def test_keys_are_shown_only_where_there_are_some() -> None:
+def test_keys_are_shown_only_if_the_task_has_keys() -> None:
     env, params = jaxenstein.from_ascii("#####\n#S.G#\n#####", heading=0, **SMALL)
     assert "keys" not in Game(env, params).status()[0]
 
 
-def test_from_the_key_to_the_goal(game: Game) -> None:
+def test_game_runs_from_key_to_goal(game: Game) -> None:
     assert "keys: none" in game.status()[0]
     tap(game, *TO_THE_DOOR)
     assert "keys: red" in game.status()[0]
@@ -78,7 +78,7 @@ def test_from_the_key_to_the_goal(game: Game) -> None:
     assert game.overlay()[:2] == ["reached the goal", f"return +1 after {steps} steps"]
     assert "seed 6" in game.overlay()[2]
     assert "reward +1   return +1" in game.status()[0]
-    # Nothing is played after the end, and held keys do not go on in the next episode.
+    # Nothing is played after the end, and held keys do not carry over to the next episode.
     game.handle(Event("press", "w"), float(next(TIMES)))
     assert game.due(float(next(TIMES))) is None
     finished = game.session
@@ -92,7 +92,7 @@ def test_from_the_key_to_the_goal(game: Game) -> None:
     assert game.last_played is game.session
 
 
-def test_everything_played_is_kept(game: Game, world: tuple[Any, Any]) -> None:
+def test_all_episodes_are_kept(game: Game, world: tuple[Any, Any]) -> None:
     tap(game, "w", "d", "r", "r", "w", "w", "w")
     episodes = game.episodes()
     # Seed 6 was passed over.
@@ -122,7 +122,7 @@ def test_pausing_and_help_stop_the_game(game: Game) -> None:
     assert game.overlay() == []
 
 
-def test_keys_that_are_held_do_not_outlast_a_pause(game: Game) -> None:
+def test_held_keys_are_released_by_a_pause(game: Game) -> None:
     for pausing in "ph":
         now = float(next(TIMES))
         game.handle(Event("press", "w"), now)
@@ -139,7 +139,7 @@ def test_quitting(game: Game, event: Event) -> None:
     assert game.over
 
 
-def test_time_is_up(world: tuple[Any, Any]) -> None:
+def test_time_limit_ends_the_game(world: tuple[Any, Any]) -> None:
     env, params = world
     game = Game(env, params.replace(max_steps_in_episode=2), note="a note")
     assert game.status()[1] == "H: help   a note"
@@ -150,13 +150,13 @@ def test_time_is_up(world: tuple[Any, Any]) -> None:
     assert game.episodes() == []
 
 
-def test_seeds_come_round(world: tuple[Any, Any]) -> None:
+def test_seeds_wrap_around(world: tuple[Any, Any]) -> None:
     game = Game(*world, seed=2**32 - 1)
     tap(game, "r")
     assert game.session.seed == 0
 
 
-def test_health_is_shown_and_there_is_nothing_to_carry() -> None:
+def test_health_is_shown_and_no_keys_are() -> None:
     made: tuple[Any, Any] = jaxenstein.make("health-gathering", sprite_layers=1, **SMALL)
     game = Game(*made)
     reference = Session(game.env, game.params, 0)
@@ -196,7 +196,7 @@ def test_the_map_shows_agent_and_path(game: Game, room: Rectangle) -> None:
 
 
 @pytest.mark.parametrize("kind", ["depth", "dict"])
-def test_other_observations_are_pictures_too(kind: str) -> None:
+def test_other_observation_kinds_are_shown_as_images(kind: str) -> None:
     env, params = jaxenstein.from_ascii("#####\n#S.G#\n#####", observation=kind, **SMALL)
     game = Game(env, params, keep=True)
     tap(game, "w")
@@ -211,13 +211,13 @@ def test_every_action_of_every_environment_has_a_key(id: str) -> None:
     keys = keys_of(env.action_names)
     assert tuple(keys) == env.action_names
     assert all(keys.values())
-    # None is left to the keys of actions that nobody foresaw.
+    # No action falls back to the keys for unknown actions.
     unforeseen = keys.keys() - ACTION_KEYS.keys()
     assert not any(key.isdigit() for name in unforeseen for key in keys[name])
 
 
 class Script(Display):
-    """A display that plays a list of keys, one whenever the game has nothing left to do."""
+    """A display that plays a list of keys, one whenever the game is idle."""
 
     finer, gap = 1, 0
 
@@ -259,7 +259,7 @@ class Script(Display):
         return [Event("press", key), Event("release", key)]
 
 
-def test_a_game_is_played_and_shown(world: tuple[Any, Any]) -> None:
+def test_game_is_played_and_shown(world: tuple[Any, Any]) -> None:
     game = Game(*world, fps=60)
     display = Script(["w", "m", "d", "m", "x", "q"])
     play(display, game)
@@ -306,7 +306,7 @@ def test_quitting_while_compiling() -> None:
     done.set()
 
 
-def test_errors_while_compiling_are_told() -> None:
+def test_errors_while_compiling_are_shown() -> None:
     def load() -> Game:
         raise RuntimeError("out of memory")
 

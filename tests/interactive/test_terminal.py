@@ -40,13 +40,13 @@ def cut(picture: np.ndarray, box: Rectangle | None) -> np.ndarray:
     return picture[box.top : box.top + box.height, box.left : box.left + box.width]
 
 
-def test_half_blocks_are_the_frame(emulator: Emulator, terminal: Terminal) -> None:
+def test_half_blocks_show_the_frame(emulator: Emulator, terminal: Terminal) -> None:
     terminal.show(FRAME, ["step 1", "help"])
     emulator.settle()
     np.testing.assert_array_equal(cut(emulator.picture(), terminal.view), FRAME)
     assert emulator.line(10) == "step 1"
     assert emulator.line(11) == "help"
-    # Another frame replaces only what differs.
+    # Another frame replaces only the cells that differ.
     received = emulator.received
     terminal.show(FRAME, ["step 1", "help"])
     emulator.settle()
@@ -60,7 +60,9 @@ def test_half_blocks_are_the_frame(emulator: Emulator, terminal: Terminal) -> No
     assert emulator.received - received < 250
 
 
-def test_random_changes_always_end_in_the_picture(emulator: Emulator, terminal: Terminal) -> None:
+def test_random_changes_always_end_in_the_current_image(
+    emulator: Emulator, terminal: Terminal
+) -> None:
     frame = FRAME.copy()
     for i in range(12):
         mask = RNG.random(frame.shape[:2]) < RNG.random()
@@ -87,7 +89,7 @@ def test_small_frames_grow_in_squares_and_large_ones_shrink_by_area(
     np.testing.assert_array_equal(emulator.picture(), flat)
 
 
-def test_the_map_stands_beside_the_view(emulator: Emulator, terminal: Terminal) -> None:
+def test_map_is_beside_the_view(emulator: Emulator, terminal: Terminal) -> None:
     terminal.show(FRAME, ["text"], beside=MAP[:, :15])
     emulator.settle()
     picture = emulator.picture()
@@ -111,7 +113,7 @@ def test_an_overlay_lies_on_top(emulator: Emulator, terminal: Terminal) -> None:
     assert [text for text in texts if text] == ["game over", "R: again"]
 
 
-def test_it_follows_the_size_of_the_terminal(emulator: Emulator, terminal: Terminal) -> None:
+def test_layout_follows_the_terminal_size(emulator: Emulator, terminal: Terminal) -> None:
     terminal.show(FRAME, ["text"])
     emulator.settle()
     for columns, rows in ((16, 7), (100, 40), (5, 3), (1, 1), (40, 12)):
@@ -142,7 +144,7 @@ def test_keys_reach_the_game(emulator: Emulator, terminal: Terminal) -> None:
     assert terminal.events(0.01) == []
 
 
-def test_a_sequence_may_come_in_pieces(emulator: Emulator, terminal: Terminal) -> None:
+def test_escape_sequence_can_arrive_in_pieces(emulator: Emulator, terminal: Terminal) -> None:
     timer = threading.Timer(0.03, emulator.send, [b"[A"])
     emulator.send(b"\x1b")
     timer.start()
@@ -166,13 +168,13 @@ def test_decoding_keys(data: bytes, keys: list[str]) -> None:
     whole = Keys()
     assert whole.feed(data) + whole.flush() == keys
     assert not whole.unfinished
-    # The same in pieces, apart from what waits for its rest.
+    # The same in pieces, except for incomplete sequences.
     pieces = Keys()
     found = [key for i in range(len(data)) for key in pieces.feed(data[i : i + 1])]
     assert found + pieces.flush() == keys
 
 
-def test_random_bytes_do_no_harm() -> None:
+def test_random_bytes_are_harmless() -> None:
     keys = Keys()
     for size in RNG.integers(1, 40, 300):
         for key in keys.feed(RNG.bytes(int(size)) + b"\x1b" * int(size % 2)):
@@ -205,7 +207,7 @@ def test_leaving_restores_everything(emulator: Emulator) -> None:
     Terminal(emulator.slave, emulator.slave).close()
 
 
-def test_terminals_that_never_answer_are_not_waited_for() -> None:
+def test_silent_terminals_do_not_block() -> None:
     emulator = Emulator(40, 12, answers=False)
     with Terminal(emulator.slave, emulator.slave) as terminal:
         start = time.monotonic()
@@ -216,7 +218,7 @@ def test_terminals_that_never_answer_are_not_waited_for() -> None:
     emulator.close()
 
 
-def test_a_terminal_that_goes_away_is_closed() -> None:
+def test_lost_terminal_is_closed() -> None:
     emulator = Emulator(40, 12)
     terminal = Terminal(os.dup(emulator.slave), os.dup(emulator.slave))
     with terminal:
@@ -235,7 +237,7 @@ def test_pipes_are_refused() -> None:
         os.close(writing)
 
 
-def test_without_termios_it_says_where_it_works(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_without_termios_names_supported_systems(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "termios", None)
     with pytest.raises(DisplayError, match="Linux or macOS"):
         Terminal()

@@ -1,4 +1,4 @@
-"""The window, under SDL's dummy driver, and where pictures go on any display."""
+"""The window under SDL's dummy driver, and the layout of images on any display."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[Window]:
 
 
 def cut(window: Window, box: Rectangle | None) -> np.ndarray:
-    """What a window shows in a box."""
+    """The pixels of a window in a box."""
     assert box is not None
     return window.pixels()[box.top : box.top + box.height, box.left : box.left + box.width]
 
@@ -40,7 +40,7 @@ def squares(frame: np.ndarray, scale: int) -> np.ndarray:
 
 @settings(deadline=None)
 @given(SIZES, SIZES, SIZES, SIZES)
-def test_pictures_fit_in_whole_multiples(
+def test_images_scale_by_whole_numbers(
     room_wide: int, room_high: int, height: int, width: int
 ) -> None:
     box = fit(Rectangle(5, 7, room_wide, room_high), height, width)
@@ -60,7 +60,7 @@ def test_pictures_fit_in_whole_multiples(
 
 @settings(deadline=None)
 @given(SIZES, SIZES, SIZES, SIZES)
-def test_two_pictures_do_not_overlap(wide: int, high: int, height: int, width: int) -> None:
+def test_two_images_do_not_overlap(wide: int, high: int, height: int, width: int) -> None:
     area, side = Rectangle(0, 0, 2 * wide + 6, high), Rectangle(wide + 6, 0, wide, high)
     frame, beside = np.zeros((12, 16, 3), np.uint8), np.zeros((height, width, 3), np.uint8)
     first, second = arrange(area, side, frame, beside, 6)
@@ -72,7 +72,7 @@ def test_two_pictures_do_not_overlap(wide: int, high: int, height: int, width: i
     assert arrange(area, side, None, None, 6) == (None, None)
 
 
-def test_the_frame_is_shown_in_squares(window: Window) -> None:
+def test_frame_pixels_are_square(window: Window) -> None:
     window.show(FRAME)
     np.testing.assert_array_equal(cut(window, window.view), squares(FRAME, 24))
     window.show(FRAME, ["text", "more"])
@@ -83,7 +83,7 @@ def test_the_frame_is_shown_in_squares(window: Window) -> None:
     assert window.beside is None
 
 
-def test_a_second_picture_stands_beside_it(window: Window) -> None:
+def test_second_image_is_beside_the_first(window: Window) -> None:
     window.show(FRAME, beside=MAP)
     np.testing.assert_array_equal(cut(window, window.view), squares(FRAME, 15))
     np.testing.assert_array_equal(cut(window, window.beside), squares(MAP, 2))
@@ -106,7 +106,7 @@ def test_an_overlay_lies_on_top(window: Window) -> None:
     assert changed.mean() < 0.2
 
 
-def test_any_size_of_window_works(window: Window) -> None:
+def test_any_window_size_works(window: Window) -> None:
     for size in ((1, 1), (20, 10), (30, 400), (900, 40)):
         window.resize(size)
         window.show(FRAME, ["a line that is much too long for it", ""], beside=MAP, overlay=["x"])
@@ -114,7 +114,7 @@ def test_any_size_of_window_works(window: Window) -> None:
         assert window.pixels().shape == (size[1], size[0], 3)
 
 
-def test_it_grows_for_a_second_picture(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_window_grows_for_a_second_image(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(window, "_screen_width", lambda: 2000)
     window.make_room(True)
     assert window.size == (800, 300)
@@ -129,7 +129,7 @@ def test_it_grows_for_a_second_picture(window: Window, monkeypatch: pytest.Monke
     assert window.size == (500, 500)
 
 
-def test_events_are_keys_and_closing(window: Window) -> None:
+def test_events_become_keys_and_closing(window: Window) -> None:
     pygame = pytest.importorskip("pygame")
     window.events()
     for kind, key in (
@@ -155,14 +155,14 @@ def test_events_are_keys_and_closing(window: Window) -> None:
     assert window.events(0.01) == []
 
 
-def test_without_pygame_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_without_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(DisplayError, match=r"pip install 'jaxenstein\[play\]'"):
         Window("test", (40, 30))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
-def test_without_a_display_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_without_display_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)

@@ -1,4 +1,4 @@
-"""Text to maps and back, and the place that every complaint names."""
+"""Text to maps and back, and the positions in error messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from jaxenstein.maps import MAX_SIZE, Door, Item, Key, parse_ascii
 from jaxenstein.maps.symbols import SYMBOLS, door_label
 
 
-def test_a_map() -> None:
+def test_map_is_parsed() -> None:
     tilemap = parse_ascii("####\n#Sr#\n#1R#\n#\\G#\n####", "small")
     assert tilemap.name == "small"
     assert tilemap.tiles == (
@@ -63,7 +63,7 @@ PLAIN = parse_ascii("####\n#SG#\n####")
         "####\n#SG\n####",
     ],
 )
-def test_forms_of_one_map(text: str) -> None:
+def test_equivalent_forms_of_a_map(text: str) -> None:
     assert parse_ascii(text) == PLAIN
 
 
@@ -72,7 +72,7 @@ def test_short_and_empty_lines_are_filled_with_wall() -> None:
     assert tilemap.tile_text() == "SG###\n#####\n.1###\n#####\n"
 
 
-def test_blanks_are_floor_also_at_the_edge() -> None:
+def test_blanks_are_floor_even_at_the_edge() -> None:
     assert parse_ascii("  S\n G\n   \n").tile_text() == "..S\n.G#\n...\n"
 
 
@@ -97,7 +97,7 @@ def test_blanks_are_floor_also_at_the_edge() -> None:
         ("####\n#S.#", None, None, "no goal: .* goal_required=False"),
     ],
 )
-def test_errors_name_the_place(
+def test_errors_name_line_and_column(
     text: str, line: int | None, column: int | None, message: str
 ) -> None:
     with pytest.raises(MapError, match=message) as caught:
@@ -109,12 +109,12 @@ def test_errors_name_the_place(
 
 
 @pytest.mark.parametrize("text", [None, b"SG", ["SG"], 3])
-def test_what_is_not_text(text: object) -> None:
+def test_non_text_is_refused(text: object) -> None:
     with pytest.raises(MapError, match=f"not {type(text).__name__}"):
         parse_ascii(text)  # type: ignore[arg-type]
 
 
-def test_a_goal_only_where_one_is_needed() -> None:
+def test_goal_is_required_only_if_needed() -> None:
     assert parse_ascii("#S.", goal_required=False).goals == ()
 
 
@@ -133,7 +133,7 @@ def test_a_goal_only_where_one_is_needed() -> None:
         ("rSRGRS", ["line 1, column 6: paths from here to a goal need a missing key"]),
     ],
 )
-def test_warnings_name_what_cannot_be_reached(text: str, expected: list[str]) -> None:
+def test_warnings_name_unreachable_things(text: str, expected: list[str]) -> None:
     with pytest.warns(MapWarning) as caught:
         parse_ascii(text)
     assert len(caught) == len(expected)
@@ -143,7 +143,7 @@ def test_warnings_name_what_cannot_be_reached(text: str, expected: list[str]) ->
 
 
 @pytest.mark.parametrize("text", ["rSRG", "S'\\G", "bSBrRG", "SG#SG", "S.\n.G"])
-def test_no_warning_where_a_goal_can_be_reached(text: str) -> None:
+def test_no_warning_if_a_goal_is_reachable(text: str) -> None:
     parse_ascii(text)
 
 
@@ -213,14 +213,16 @@ def test_doors_keep_their_look() -> None:
         (7, None, None, "not int"),
     ],
 )
-def test_regions_errors(regions: str, line: int | None, column: int | None, message: str) -> None:
+def test_errors_in_regions(
+    regions: str, line: int | None, column: int | None, message: str
+) -> None:
     with pytest.raises(MapError, match=f"regions text.*: .*({message})") as caught:
         parse_ascii("####\n#SG#\n####", regions=regions)
     assert (caught.value.line, caught.value.column) == (line, column)
 
 
-def test_indented_closing_quotes_are_no_row() -> None:
-    """Blanks after the last line end are dropped; a line of blanks elsewhere is floor."""
+def test_indented_closing_quotes_are_not_a_row() -> None:
+    """Blanks after the last line end are dropped; a line of blanks before it is floor."""
     text = """
 ###
 #SG

@@ -1,4 +1,4 @@
-"""The place in a map error's message, and the phrase that suggests names."""
+"""The position in the message of a map error, and suggested names."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def test_errors_are_value_errors() -> None:
 
 
 @pytest.mark.parametrize("word", ["my-way-hom", "MY-WAY-HOME", "my_way_home"])
-def test_nearest_names_what_was_meant(word: str) -> None:
+def test_nearest_finds_the_intended_name(word: str) -> None:
     assert nearest(word, ("simple", "my-way-home")) == ", did you mean 'my-way-home'?"
 
 
-def test_nearest_is_silent_when_nothing_is_near() -> None:
+def test_nearest_is_empty_if_nothing_is_similar() -> None:
     assert nearest("zzz", ("simple", "my-way-home")) == ""
     assert nearest("zzz", ()) == ""
 
 
-def test_nearest_orders_by_likeness() -> None:
+def test_nearest_orders_by_similarity() -> None:
     assert nearest("heigth", ("weight", "height")) == ", did you mean 'height' or 'weight'?"

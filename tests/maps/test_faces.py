@@ -1,4 +1,4 @@
-"""Faces as text: there and back, and the place that every complaint names."""
+"""Faces as text and back, and the positions in error messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def block(face: str, *lines: str) -> str:
     return "\n".join([face, *lines]) + "\n"
 
 
-def test_a_decal_on_one_face() -> None:
+def test_decal_on_one_face() -> None:
     tilemap = parse_ascii(MAP, faces=block("south", "#\u0101###", "#...#", "#####"))
     assert tilemap.faces is not None
     assert tilemap.tiles == parse_ascii(MAP).tiles
@@ -32,7 +32,7 @@ def test_a_decal_on_one_face() -> None:
         assert face[1][2] == door_label(0, locked=False)
 
 
-def test_blocks_in_any_order_with_any_line_ends() -> None:
+def test_blocks_in_any_order_with_any_line_endings() -> None:
     north = block("north", "#####", "#...#", "##1##")
     west = block("west", "#####", "#...3", "#####")
     expected = parse_ascii(MAP, faces=west + north)
@@ -48,7 +48,7 @@ def test_blocks_in_any_order_with_any_line_ends() -> None:
         assert parse_ascii(MAP, faces=text) == expected
 
 
-def test_floor_symbols_leave_the_tile_as_it_is() -> None:
+def test_floor_symbols_do_not_change_the_tile() -> None:
     for blank in ". ":
         text = block("east", f"{blank * 3}1{blank}", "#...#", blank * 5 + "\nwest", *MAP.split())
         with pytest.raises(MapError, match="not allowed here"):
@@ -60,7 +60,7 @@ def test_floor_symbols_leave_the_tile_as_it_is() -> None:
         assert tilemap.faces[0] == tilemap.tiles
 
 
-def test_faces_that_are_the_walls_own_are_none() -> None:
+def test_faces_equal_to_their_wall_are_dropped() -> None:
     assert parse_ascii(MAP, faces=block("west", "#####", "#...#", "#####")) == parse_ascii(MAP)
     assert parse_ascii(MAP).faces_text() is None
 
@@ -89,7 +89,7 @@ def test_faces_that_are_the_walls_own_are_none() -> None:
         (7, None, None, "not int"),
     ],
 )
-def test_errors_name_the_place(
+def test_errors_name_line_and_column(
     faces: str, line: int | None, column: int | None, message: str
 ) -> None:
     with pytest.raises(MapError, match=f"faces text.*: .*({message})") as caught:
@@ -124,7 +124,7 @@ def test_round_trip(tilemap: TileMap) -> None:
 
 @settings(deadline=None)
 @given(maps_with_faces())
-def test_text_shows_what_the_faces_show(tilemap: TileMap) -> None:
+def test_text_shows_the_faces(tilemap: TileMap) -> None:
     text = tilemap.faces_text()
     if text is None:
         return

@@ -66,7 +66,7 @@ def tile_of(x: float, y: float) -> tuple[int, int]:
     return int((x - 160) // 32 + 1), int((128 - y) // 32 + 1)
 
 
-def test_names() -> None:
+def test_layout_names() -> None:
     assert layout_names() == (*sorted(MAZES), "key-door", "my-way-home", "simple", "t-maze")
     with pytest.raises(MapError, match="did you mean 'simple'"):
         load_layout("simpel")
@@ -78,7 +78,7 @@ def test_names() -> None:
         load_layout("dmlab-static-01.faces")
 
 
-def test_my_way_home_is_the_scenarios_map() -> None:
+def test_my_way_home_matches_the_scenario_map() -> None:
     tilemap = load_layout("my-way-home")
     floor = open_tiles(tilemap)
     assert floor.sum() == 275
@@ -125,7 +125,7 @@ def cells_of(tilemap: TileMap) -> list[tuple[int, int]]:
 
 
 def distances(tilemap: TileMap, start: tuple[int, int]) -> dict[tuple[int, int], float]:
-    """Cells walked from a start to every cell it reaches, two tiles a cell."""
+    """Distances in cells, of two tiles each, from a start to every reachable cell."""
     reached, front, steps = {start: 0.0}, [start], 0.0
     while front:
         steps += 0.5
@@ -137,7 +137,7 @@ def distances(tilemap: TileMap, start: tuple[int, int]) -> dict[tuple[int, int],
 
 
 @pytest.mark.parametrize("name", MAZES)
-def test_mazes_are_those_of_the_files(name: str) -> None:
+def test_mazes_match_their_files(name: str) -> None:
     columns, rows, starts, apples, decals, free_corners, *_ = MAZES[name]
     tilemap = load_layout(name, goal_required=False)
     assert (tilemap.columns, tilemap.rows) == (2 * columns + 1, 2 * rows + 1)

@@ -1,4 +1,4 @@
-"""The small maps to play with."""
+"""The sample maps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from jaxenstein.maps.map_files import SAMPLES, sample_map
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-def test_each_can_be_solved_and_is_listed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_sample_is_solvable_and_listed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A goal that cannot be reached would be a warning, which is an error here."""
     env, params = jaxenstein.from_ascii(jaxenstein.sample_map(name))
     assert int(params.max_steps_in_episode) == 1000
@@ -21,12 +21,12 @@ def test_each_can_be_solved_and_is_listed(name: str, capsys: pytest.CaptureFixtu
     assert f"samples/{name}: {SAMPLES[name]}\n{sample_map(name)}\n" in capsys.readouterr().out
 
 
-def test_each_file_has_a_name() -> None:
+def test_each_sample_has_a_name() -> None:
     folder = Path(jaxenstein.__file__).parent / "maps" / "samples"
     assert {path.stem for path in folder.glob("*.txt")} == set(SAMPLES)
 
 
-def test_samples_stand_in_for_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sample_names_work_as_file_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     env, _ = jaxenstein.from_file("samples/rooms")
     assert env.name == "rooms"
     assert len(env.tilemap.spawns) == sample_map("rooms").count("S")

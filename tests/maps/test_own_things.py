@@ -1,4 +1,4 @@
-"""Registered things: pictures of every form, what shows them, and what is refused."""
+"""Registered things: pictures in every form, observations and maps, and refused input."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RED, BLUE = (200, 30, 20), (20, 40, 220)
 
 
 @pytest.fixture(autouse=True)
-def _only_here() -> Iterator[None]:
+def _restored_things() -> Iterator[None]:
     before = dict(THING_OF)
     for label in OWN_LABELS:  # of other tests in this process
         THING_OF.pop(label, None)
@@ -35,8 +35,8 @@ def _only_here() -> Iterator[None]:
     THING_OF.update(before)
 
 
-def marks() -> np.ndarray:
-    """Chance marks: 0 is empty, 1 and 2 have the two colours."""
+def random_cells() -> np.ndarray:
+    """Random cells: 0 is empty, 1 and 2 are the two colours."""
     return np.random.default_rng(3).integers(0, 3, (32, 32))
 
 
@@ -45,13 +45,13 @@ def as_text(cells: np.ndarray) -> str:
 
 
 def as_image(cells: np.ndarray) -> np.ndarray:
-    """uint8[32, 32, 4]: colours a little off, and any colour where it is transparent."""
+    """uint8[32, 32, 4]: slightly different colours, and random colours in transparent pixels."""
     palette = np.array([[*BLUE, 60], [RED[0] - 20, 35, 30, 255], [25, 60, 200, 200]], np.uint8)
     return palette[cells]
 
 
 def planes(cells: np.ndarray) -> np.ndarray:
-    """uint32[2, 32], point by point: columns from the left, the upper end is the greatest bit."""
+    """uint32[2, 32], bit by bit: columns from the left, with the top at the highest bit."""
     words = np.zeros((2, 32), np.uint32)
     for row in range(32):
         for column in range(32):
@@ -62,8 +62,8 @@ def planes(cells: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("form", ["text", "indented", "array", "pixels", "file", "file's name"])
-def test_every_form_is_the_same_picture(form: str, tmp_path: Path) -> None:
-    cells, file = marks(), tmp_path / "thing.png"
+def test_every_form_gives_the_same_picture(form: str, tmp_path: Path) -> None:
+    cells, file = random_cells(), tmp_path / "thing.png"
     Image.fromarray(as_image(cells)).save(file)
     indented = "\n    " + as_text(cells).replace("\n", "\n    ") + "\n    "
     given: dict[str, Any] = {
@@ -82,12 +82,12 @@ def test_every_form_is_the_same_picture(form: str, tmp_path: Path) -> None:
     assert (thing.radius, thing.drop) == (0.25, 0.25)
 
 
-def test_one_in_several_colours_has_a_label_for_each() -> None:
-    light = np.where(marks()[..., None] == 1, 220, 30).astype(np.uint8).repeat(3, axis=-1)
+def test_thing_in_several_colours_has_a_label_per_colour() -> None:
+    light = np.where(random_cells()[..., None] == 1, 220, 30).astype(np.uint8).repeat(3, axis=-1)
     thing = register_thing("gem", 250, light, colour=None)
     assert label_name(252) == "blue gem"
     theme = build_theme((thing.labels[2],), doors=False)
-    np.testing.assert_array_equal(theme.sprite_art[0], planes(np.where(marks() == 1, 1, 2)))
+    np.testing.assert_array_equal(theme.sprite_art[0], planes(np.where(random_cells() == 1, 1, 2)))
     np.testing.assert_array_equal(np.asarray(theme.sprite_colours)[0, 0], (52, 96, 236))
 
 
@@ -100,29 +100,29 @@ class Hunt(Navigation):
         return (200,)
 
 
-def test_it_is_seen_in_observations_and_on_maps() -> None:
+def test_thing_appears_in_observations_and_on_maps() -> None:
     full = np.ones((32, 32), int)
     register_thing("slab", 200, full, colour=RED, radius=0.5)
     hall = parse_ascii("#####\n#S.G#\n#####")
     env = Hunt(tilemap=hall, heading=0.0, height=8, width=8, observation="labels")
     labels = np.asarray(env.reset(jax.random.key(0))[0])
-    # Two tiles ahead it is half a tile to each side: more than the middle half of the image.
+    # Two tiles ahead, half a tile to each side covers more than the middle half of the image.
     assert (labels[3:5, 3:5] == 200).all()
     np.testing.assert_array_equal(show(labels, "labels").image[3, 3], RED)
     picture = draw_map(hall, scale=32).sprites(np.array([[2.5, 1.5]]), np.array([200]))
     assert np.asarray(picture.image())[48, 80].tolist() == list(RED)
 
 
-def test_again_with_another_picture() -> None:
-    register_thing("banana", 200, as_text(marks()), colour=RED)
-    turned = marks().T
+def test_thing_can_be_registered_again_with_another_picture() -> None:
+    register_thing("banana", 200, as_text(random_cells()), colour=RED)
+    turned = random_cells().T
     register_thing("banana", 200, as_text(turned), colour=RED)
     art = np.asarray(build_theme((200,), doors=False).sprite_art)[0]
     np.testing.assert_array_equal(art, planes(turned))
     np.testing.assert_array_equal(load_art("apple"), load_art(as_text(decoded("apple"))))
 
 
-def test_again_is_seen_in_programs_that_were_compiled_before() -> None:
+def test_new_picture_appears_in_compiled_programs() -> None:
     hall = parse_ascii("#####\n#S.G#\n#####")
     shares = []
     for rows in (32, 16):
@@ -137,16 +137,16 @@ def test_again_is_seen_in_programs_that_were_compiled_before() -> None:
 
 
 @pytest.mark.parametrize("names", [("red gem", "gem"), ("gem", "red gem")])
-def test_names_of_labels_differ(names: tuple[str, str]) -> None:
+def test_label_names_differ(names: tuple[str, str]) -> None:
     colour_of = {"red gem": RED, "gem": None}
     first, second = names
-    register_thing(first, 200, marks(), colour=colour_of[first])
+    register_thing(first, 200, random_cells(), colour=colour_of[first])
     with pytest.raises(SettingError, match="'red gem' is already the name of a label"):
-        register_thing(second, 220, marks(), colour=colour_of[second])
-    register_thing(first, 200, marks().T, colour=colour_of[first])
+        register_thing(second, 220, random_cells(), colour=colour_of[second])
+    register_thing(first, 200, random_cells().T, colour=colour_of[first])
 
 
-def test_sizes_may_be_numbers_of_numpy() -> None:
+def test_sizes_can_be_numpy_numbers() -> None:
     quarter: Any = np.float32(0.25)
     thing = register_thing("banana", 200, TEXT, colour=RED, radius=quarter)
     assert (thing.radius, thing.drop) == (0.25, 0.25)
@@ -196,7 +196,7 @@ TEXT = as_text(np.ones((32, 32), int))
         ({"radius": 0.3, "drop": 0.4}, "must be from -0.2 to 0.2 with a radius of 0.3"),
     ],
 )
-def test_what_is_none(changes: dict[str, Any], message: str) -> None:
+def test_invalid_things_are_refused(changes: dict[str, Any], message: str) -> None:
     register_thing("peel", 201, TEXT, colour=BLUE)
     before = dict(THING_OF)
     row = {"name": "banana", "label": 200, "picture": TEXT, "colour": RED, **changes}
@@ -205,7 +205,7 @@ def test_what_is_none(changes: dict[str, Any], message: str) -> None:
     assert before == THING_OF
 
 
-def test_an_image_of_another_size_is_not_unpacked(
+def test_image_of_wrong_size_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unpack(*_: object, **__: object) -> None:
@@ -217,7 +217,7 @@ def test_an_image_of_another_size_is_not_unpacked(
         register_thing("large", 200, tmp_path / "large.png", colour=RED)
 
 
-def test_a_label_of_nothing_has_no_picture_and_no_name() -> None:
+def test_unused_label_has_no_picture_and_no_name() -> None:
     with pytest.raises(SettingError, match=r"no thing has the label 222: .*register_thing"):
         build_theme((222,), doors=False)
     with pytest.raises(SettingError, match="there is no label 222"):

@@ -1,4 +1,4 @@
-"""Reach, against searches that repeat one step over the whole map until nothing changes."""
+"""Reach, compared with searches that repeat one step over the map until nothing changes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from jaxenstein.maps.symbols import SYMBOLS
 from jaxenstein.maps.tilemap import Door, Key, TileMap
 
 
-def spread(reached: np.ndarray, walkable: np.ndarray) -> np.ndarray:
-    """One step from every reached tile at once."""
+def grown_by_one(reached: np.ndarray, walkable: np.ndarray) -> np.ndarray:
+    """The tiles after one more step from every reached tile."""
     grown = np.pad(reached, 1)
     beside = grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]
     return (reached | beside) & walkable
@@ -22,7 +22,7 @@ def brute_flood(walkable: np.ndarray, starts: list[tuple[int, int]]) -> np.ndarr
     reached = np.zeros(walkable.shape, bool)
     for column, row in starts:
         reached[row, column] = walkable[row, column]
-    while (grown := spread(reached, walkable)).sum() > reached.sum():
+    while (grown := grown_by_one(reached, walkable)).sum() > reached.sum():
         reached = grown
     return reached
 
@@ -35,14 +35,14 @@ def brute_explore(grid: np.ndarray, start: tuple[int, int]) -> np.ndarray:
     while True:
         before = reached.sum(), len(held)
         walkable = np.isin(grid, [*".SGrb'", *(key.upper() for key in held)])
-        reached = spread(reached, walkable)
+        reached = grown_by_one(reached, walkable)
         held |= set(grid[reached].tolist()) & {"r", "b"}
         if (reached.sum(), len(held)) == before:
             return reached
 
 
 def tilemap_of(grid: np.ndarray) -> TileMap:
-    """Built here, apart from the parser."""
+    """Built without the parser."""
     cells = [((int(c), int(r)), SYMBOLS[str(grid[r, c])]) for r, c in np.ndindex(grid.shape)]
     return TileMap(
         "random",
@@ -85,7 +85,7 @@ def test_explore(grid: np.ndarray, data: st.DataObject) -> None:
     np.testing.assert_array_equal(explore(tilemap_of(grid), start), brute_explore(grid, start))
 
 
-def ideally_stuck(grid: np.ndarray, tilemap: TileMap) -> set[tuple[int, int]]:
+def stuck_with_open_doors(grid: np.ndarray, tilemap: TileMap) -> set[tuple[int, int]]:
     """Spawns that reach no goal with all doors open, unless no spawn does."""
     masks = {cell: brute_flood(grid != "#", [cell]) for cell in tilemap.spawns}
     stuck = {s for s, mask in masks.items() if not any(mask[g[1], g[0]] for g in tilemap.goals)}
@@ -94,7 +94,7 @@ def ideally_stuck(grid: np.ndarray, tilemap: TileMap) -> set[tuple[int, int]]:
 
 @settings(deadline=None, max_examples=200)
 @given(grids("##..SSGGrRbB'"))
-def test_problems_name_exactly_what_cannot_be_reached(grid: np.ndarray) -> None:
+def test_problems_name_exactly_the_unreachable_things(grid: np.ndarray) -> None:
     tilemap = tilemap_of(grid)
     found = problems(tilemap)
     if not tilemap.goals or not tilemap.spawns:
@@ -104,7 +104,7 @@ def test_problems_name_exactly_what_cannot_be_reached(grid: np.ndarray) -> None:
     lost = {g for g in tilemap.goals if not any(mask[g[1], g[0]] for mask in masks.values())}
     stuck = {s for s, mask in masks.items() if not any(mask[g[1], g[0]] for g in tilemap.goals)}
     if len(lost) == len(tilemap.goals):
-        stuck = ideally_stuck(grid, tilemap)
+        stuck = stuck_with_open_doors(grid, tilemap)
     assert {cell for _, cell in found} == lost | stuck
     assert len(found) == len(lost | stuck)
     ideal = brute_flood(grid != "#", list(tilemap.spawns))

@@ -1,4 +1,4 @@
-"""The vocabulary: ids without gaps, symbols without doubles, colours that can be told apart."""
+"""Symbols: ids without gaps, unique characters, and distinguishable colours."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from jaxenstein.maps.things import (
 from jaxenstein.view.glyphs import GLYPHS
 
 
-def test_label_ids_are_those_of_the_contract() -> None:
+def test_label_ids_match_the_contract() -> None:
     assert COLOUR_NAMES == ("red", "green", "blue", "purple", "yellow", "grey")
     assert (symbols.CEILING, symbols.FLOOR, symbols.DEFAULT_WALL) == (0, 1, 2)
     coloured = [SYMBOLS[c].label for c in "123456789ACDFHIJKLMOQTUWXZ"]
@@ -73,7 +73,7 @@ def test_label_ids_are_those_of_the_contract() -> None:
     assert not LABEL_COLOURS.flags.writeable
 
 
-def test_symbols_of_the_paper() -> None:
+def test_symbols_match_the_paper() -> None:
     def meaning(character: str) -> str:
         return LABEL_NAMES[SYMBOLS[character].label]
 
@@ -103,7 +103,7 @@ def test_apples() -> None:
     assert {c for c, symbol in SYMBOLS.items() if symbol.spawn} == {"S", "@"}
 
 
-def test_ascii_without_a_meaning_stays_unknown() -> None:
+def test_unused_ascii_characters_stay_unknown() -> None:
     """Typing mistakes are found; no symbol but the decals is beyond ASCII."""
     free = {chr(code) for code in range(33, 127)} - set(SYMBOLS)
     assert free == set("fghjkloqtuvwx0V!$%&()*-/<>?[]^_`{|}~")
@@ -144,7 +144,7 @@ def test_characters_lists_the_decals_as_a_range() -> None:
 
 
 def oklab(rgb: np.ndarray) -> np.ndarray:
-    """Björn Ottosson's OKLab, in which distances follow what eyes see."""
+    """Björn Ottosson's OKLab, in which distances match perceived differences."""
     share = rgb / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     cones = np.array(
@@ -171,7 +171,7 @@ def closest(labels: list[int], light: float) -> float:
 
 
 def test_wall_colours_can_be_told_apart_near_and_far() -> None:
-    # A distance of 0.02 is about what one just sees side by side.
+    # A distance of 0.02 is just visible side by side.
     assert closest(list(range(2, 29)), 1.0) > 0.06
     assert closest(list(range(2, 29)), 0.25) > 0.02
     assert closest(list(range(2, 12)), 1.0) > 0.1
@@ -183,7 +183,7 @@ def test_decals_can_be_told_apart_and_from_the_walls() -> None:
     assert closest(list(symbols.WALL_LABELS), 0.5) > 0.02
 
 
-def test_no_light_makes_a_decal_look_like_the_walls_around_it() -> None:
+def test_decals_differ_from_their_walls_in_any_light() -> None:
     """Walls are darker in the distance and on two of their sides."""
     near = [1.0, 0.8, 0.64, 0.5]
     for walls in ("31", "3FI", "42T", "42W", "W#"):
@@ -197,7 +197,7 @@ def test_no_light_makes_a_decal_look_like_the_walls_around_it() -> None:
 
 
 def test_first_walls_differ_in_more_than_brightness() -> None:
-    """A wall in the distance must not pass for another one nearby."""
+    """A distant wall must not look like a different wall nearby."""
     colours = LABEL_COLOURS[2:12].astype(float)
     hue = colours / np.linalg.norm(colours, axis=1, keepdims=True)
     angles = np.degrees(np.arccos([a @ b for a, b in itertools.combinations(hue, 2)]))
@@ -209,7 +209,7 @@ def test_key_and_door_colours_can_be_told_apart() -> None:
     assert closest(list(KEY.labels), 0.25) > 0.05
 
 
-def test_labels_follow_those_of_doors_without_gaps() -> None:
+def test_thing_labels_follow_door_labels_without_gaps() -> None:
     labels = [label for thing in THINGS for label in thing.labels]
     assert labels == list(range(DOOR_LABELS.stop, len(LABEL_NAMES)))
     assert labels == [label for label in THING_OF if label not in OWN_LABELS]
@@ -221,7 +221,7 @@ def test_labels_follow_those_of_doors_without_gaps() -> None:
 
 
 @pytest.mark.parametrize("thing", THINGS, ids=lambda thing: thing.name)
-def test_a_row_is_complete(thing: Thing) -> None:
+def test_table_row_is_complete(thing: Thing) -> None:
     assert load_art(thing.art)[0].any()
     assert thing.glyph is None or thing.glyph in GLYPHS
     # The billboard lies between floor and ceiling, which are half a tile from the eye.
@@ -234,7 +234,7 @@ def test_a_row_is_complete(thing: Thing) -> None:
         assert SYMBOLS[thing.spawn_symbol].spawn
 
 
-def test_without_a_detail_the_second_colour_is_a_darker_first() -> None:
+def test_default_detail_colour_is_a_darker_first() -> None:
     key, apple = THINGS[0], THINGS[2]
     assert key.paints(key.labels[2]) == ((52, 96, 236), pytest.approx((28.6, 52.8, 129.8)))
     assert apple.paints(apple.label) == ((232, 24, 56), (60, 140, 40))

@@ -1,4 +1,4 @@
-"""Tile maps: their arrays, their value and the contradictions that they refuse."""
+"""Tile maps: arrays, equality, and refused contradictions."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ def test_with_spawns() -> None:
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (3, 1), (-1, 1), (1, -1), (4, 1), (1, 3)])
-def test_with_spawns_refuses_what_is_not_floor(cell: tuple[int, int]) -> None:
+def test_with_spawns_refuses_non_floor_tiles(cell: tuple[int, int]) -> None:
     with pytest.raises(MapError, match=f"spawn at column {cell[0]}, row {cell[1]} "):
         build().with_spawns([cell])
 
 
-def test_with_spawns_refuses_none() -> None:
+def test_with_spawns_refuses_empty_list() -> None:
     with pytest.raises(MapError, match="at least one spawn"):
         build().with_spawns(())
 
@@ -107,7 +107,7 @@ def test_contradictions_are_refused(parts: dict, message: str) -> None:
         build(**parts)
 
 
-def test_tile_text_shows_one_thing_a_tile() -> None:
+def test_tile_text_shows_one_thing_per_tile() -> None:
     assert build(spawns=((1, 1), (2, 1)), goals=((2, 1),)).tile_text() == "####\n#SGR\n##1#\n"
     both = build(goals=((1, 1),), keys=(Key(1, 1, 2),))
     assert both.tile_text().splitlines()[1] == "#b.R"
@@ -136,7 +136,7 @@ def test_maps_do_not_import_jax() -> None:
     subprocess.run([sys.executable, "-c", program, root], check=True)
 
 
-def test_a_map_may_have_the_largest_size() -> None:
+def test_map_can_have_the_largest_size() -> None:
     side = MAX_SIZE
     text = "S" + "." * (side - 2) + "G"
     tilemap = parse_ascii("\n".join([text] + ["." * side] * (side - 1)))

@@ -1,4 +1,4 @@
-"""The players of every environment, and those of tasks, by name."""
+"""The players of environments and of tasks, by name."""
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +24,7 @@ def test_every_task_names_its_expert_among_its_players(name):
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_what_a_task_says_of_itself_is_there(name):
+def test_about_describes_exactly_the_info_entries(name):
     """`about` describes all rewards, events and variables in `info`, and no others."""
     env, params = jaxenstein.make(name, **SIZE)
     about = env.about()
@@ -57,7 +57,7 @@ def test_uniform_draws_every_action():
     assert set(np.asarray(actions).tolist()) == set(range(env.num_actions))
 
 
-def test_greedy_survives_where_idle_dies():
+def test_greedy_survives_and_idle_dies():
     env, params = jaxenstein.make("health-gathering", **SIZE)
     params = params.replace(max_steps_in_episode=jnp.int32(500))
     keys = jax.random.split(jax.random.key(1), 4)

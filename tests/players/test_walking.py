@@ -30,7 +30,7 @@ def test_shortest_path_reaches_every_goal(name):
 
 
 @pytest.mark.parametrize(("name", "skip"), [("simple", 2), ("key-door", 3), ("simple", 6)])
-def test_players_find_their_way_with_a_frame_skip(name, skip):
+def test_players_reach_the_goal_with_frame_skip(name, skip):
     """Their turns of 15 degrees times the skip divide a right angle."""
     env, params = make(name, frame_skip=skip, **SIZE)
     episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), starts(env, params, 16))
@@ -50,7 +50,7 @@ BENDS = """
 
 @pytest.mark.parametrize(("skip", "turn", "least"), [(1, 90, 64), (6, 15, 58)])
 def test_wide_turns_and_strides_arrive_from_any_heading(skip, turn, least):
-    """Aligned to less than half a turn, a step may lead into the wall of the corridor.
+    """Aligned to less than half a turn, a step can lead into the wall of the corridor.
 
     Six steps are 0.9 tiles: one start in twenty can only pass the goal, whose radius is 0.35,
     until a wall has put it onto other tracks.
@@ -62,7 +62,7 @@ def test_wide_turns_and_strides_arrive_from_any_heading(skip, turn, least):
     assert int(np.median(episodes.length)) < 400
 
 
-def test_shortest_path_is_hardly_longer_than_its_tiles():
+def test_shortest_path_is_nearly_as_short_as_its_tiles():
     env, params = make("simple", **SIZE)
     state = starts(env, params, 16)
     episodes = play(env, SHORTEST_PATH, params, jax.random.key(0), state)
@@ -74,7 +74,7 @@ def test_shortest_path_is_hardly_longer_than_its_tiles():
     assert 0.7 * walked < int(episodes.length[0]) < 1.2 * walked + 24
 
 
-def test_ways_longer_than_any_map_is_wide_are_told_from_walls():
+def test_long_paths_are_not_mistaken_for_walls():
     rows = ["#" * 201]
     for row in range(99):
         gap = "#" * 198 + ".#" if row % 2 else ""

@@ -11,35 +11,36 @@ from . import images, raycaster
 from .worlds import World
 
 TEXELS = 32
-# A pixel nearer than this to the edge of a texel or a stripe, in either, may be on its other side.
+# A pixel closer than this to the edge of a texel or stripe, in texels or stripes, can be on either
+# side of it.
 EDGE = 2e-2
 
 
 def light(depth: float) -> float:
-    """What a surface has of its colour at a depth."""
+    """The share of its colour that a surface keeps at a depth."""
     return max(1 / (1 + 0.13 * depth), 0.22)
 
 
 def bit(word: int, place: float) -> bool:
-    """Bit `floor(place)` of a word, counted from the greatest of 32."""
+    """Bit `floor(place)` of a word of 32 bits, counted from the highest."""
     return bool(int(word) >> (31 - int(np.floor(place))) & 1)
 
 
 def near_edge(place: float) -> bool:
-    """Whether rounding may put a place into another texel."""
+    """Whether rounding can move a position into another texel."""
     return abs(place - round(place)) < EDGE
 
 
 def paint(
     picture: images.Picture, world: World, theme: Theme, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Colours float64[height, width, 3] of a picture without billboards, and where they are sure.
+    """Colours float64[height, width, 3] of an image without billboards, and where they are certain.
 
     Args:
-        picture: what the pixels show.
-        world: what it is of.
-        theme: how that looks.
-        camera: size and field of view of the picture.
+        picture: what each pixel shows.
+        world: the map and the pose.
+        theme: the look of the map.
+        camera: size and field of view of the image.
     """
     heading, eye = float(world.headings[0]), world.positions[0].astype(np.float64)
     rays = raycaster.directions(heading, camera.width, camera.field_of_view)
@@ -62,28 +63,28 @@ def paint(
 
 
 def floor(theme: Theme, place: np.ndarray, depth: float) -> tuple[np.ndarray, bool]:
-    """The floor's colour at a place (x, y), and whether rounding cannot change it."""
+    """The colour of the floor at a position (x, y), and whether rounding cannot change it."""
     assert theme.floor_words is not None
     stripes = place % 2 * 16
     along, across = (bit(w, s) for w, s in zip(np.asarray(theme.floor_words), stripes, strict=True))
     both = np.asarray(theme.floor, np.float64)
     left = np.clip((9 - depth) / 8, 0, 1)
     colour = both.mean(axis=0) * (1 - left) + both[int(along != across)] * left
-    # Stripes lie side by side at their edges and repeat.
+    # Stripes touch at their edges and repeat.
     return colour * light(depth), not any(near_edge(s) for s in stripes)
 
 
 def wall(
     theme: Theme, label: int, place: tuple[float, float], depth: float, side: float
 ) -> tuple[np.ndarray, bool]:
-    """A wall's colour at a place (across, down) from 0 to 1, and whether rounding can't change it.
+    """The colour of a wall at a position, and whether rounding cannot change it.
 
     Args:
-        theme: how walls look.
-        label: of the wall.
-        place: on the wall.
-        depth: of the wall.
-        side: what its side of the world has of the light.
+        theme: the look of walls.
+        label: the label of the wall.
+        place: the position (across, down) on the wall, each from 0 to 1.
+        depth: the depth of the wall.
+        side: the share of light that its side gets.
     """
     across, down = place
     panel = int(np.asarray(theme.wall_panels)[label])

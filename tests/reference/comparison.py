@@ -1,4 +1,4 @@
-"""Holding the hits of a cast to the reference."""
+"""Compare the hits of rays with the reference."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .worlds import World
 
 @dataclasses.dataclass
 class Tally:
-    """How many rays were compared, and how many of them could not be held to one answer."""
+    """The number of rays that were compared, and of those with more than one valid answer."""
 
     rays: int = 0
     excused: int = 0
@@ -34,7 +34,7 @@ def rays_of(world: World, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 def flat(hits: Hits) -> dict[str, np.ndarray]:
-    """Hits of a batch of poses as arrays over all rays, with the face as the reference counts."""
+    """The hits of a batch of poses as arrays over all rays."""
     rays = hits.depth.size
     return {
         "depth": np.asarray(hits.depth, np.float64).reshape(rays),
@@ -46,7 +46,7 @@ def flat(hits: Hits) -> dict[str, np.ndarray]:
 
 
 def wall_ids(world: World, tile: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """What the map says of faces; -1 outside, where it says nothing."""
+    """The wall ids of faces on the map; -1 outside the map."""
     faces = world.walls.reshape(-1, *world.walls.shape[-2:])
     column, row = tile[:, 0], tile[:, 1]
     inside = (column >= 0) & (row >= 0) & (column < faces.shape[2]) & (row < faces.shape[1])
@@ -55,7 +55,7 @@ def wall_ids(world: World, tile: np.ndarray, face: np.ndarray) -> np.ndarray:
 
 
 def compare(world: World, camera: Camera, hits: Hits, tally: Tally) -> None:
-    """Hold hits to the reference; rays on an edge within rounding must still be plausible."""
+    """Compare hits with the reference; rays within rounding of an edge must only be plausible."""
     eyes, rays = rays_of(world, camera)
     solid = world.solid
     sight = raycaster.march(solid, eyes, rays)
@@ -81,7 +81,7 @@ def compare(world: World, camera: Camera, hits: Hits, tally: Tally) -> None:
 def excusable(
     world: World, solid: np.ndarray, eye: np.ndarray, ray: np.ndarray, got: dict[str, Any], i: int
 ) -> bool:
-    """Whether hit `i` is right for a ray moved by a rounding error, in all it says."""
+    """Whether all of hit `i` is right for a ray that is off by a rounding error."""
     if got["horizontal"][i]:
         face = raycaster.NORTH if ray[1] > 0 else raycaster.SOUTH
     else:
@@ -98,7 +98,7 @@ def excusable(
 def describe(
     world: World, camera: Camera, sight: raycaster.Sight, got: dict[str, Any], i: int
 ) -> str:
-    """One failing ray, in full precision."""
+    """One failing ray in full precision."""
     pose, column = divmod(i, camera.width)
     x, y = (float(v).hex() for v in world.positions[pose])
     wanted = {

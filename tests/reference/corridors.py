@@ -1,8 +1,7 @@
-"""The rules of MiniGrid's KeyCorridor, looked for in a tile map.
+"""Check a tile map against the rules of MiniGrid's KeyCorridor.
 
-The grid is 3 columns of rooms wide; rooms share their walls. With rooms of S tiles (walls
-included) the walls stand on the multiples of S - 1, so size and number of room rows follow from
-the map.
+The grid has three columns of rooms, which share their walls. In rooms of S tiles (walls included),
+walls are at multiples of S - 1, so size and number of rows of rooms follow from the map.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ class Layout:
 
     @property
     def pitch(self) -> int:
-        """Tiles from one wall to the next: the room size less one."""
+        """Tiles from one wall to the next: the size of a room minus one."""
         return (self.tilemap.columns - 1) // 3
 
     @property
@@ -48,7 +47,7 @@ class Layout:
         return [door for door in self.tilemap.doors if not door.locked]
 
     def room(self, column: int, row: int) -> Cell:
-        """(column, row) of the room of a tile; of a wall's tile, the room east or south of it."""
+        """(column, row) of the room of a tile; for a wall, the room to its east or south."""
         return column // self.pitch, row // self.pitch
 
 
@@ -56,7 +55,7 @@ def from_tilemap(tilemap: TileMap, position: np.ndarray, heading: float) -> Layo
     """The layout of one of our states.
 
     Args:
-        tilemap: its map.
+        tilemap: the map of the state.
         position: (x, y) in tiles; must be the centre of a tile.
         heading: radians; must be a whole number of quarter turns.
     """
@@ -69,7 +68,7 @@ def from_tilemap(tilemap: TileMap, position: np.ndarray, heading: float) -> Layo
 
 
 def wall_of(layout: Layout, door: Door) -> str:
-    """The wall a door stands in, by its rooms: "1,0-2,0", column and row of each."""
+    """The wall of a door, by column and row of its two rooms: "1,0-2,0"."""
     column, row = layout.room(door.column, door.row)
     before = (column - 1, row) if door.column % layout.pitch == 0 else (column, row - 1)
     return f"{before[0]},{before[1]}-{column},{row}"
@@ -80,13 +79,13 @@ def _cell(thing: Key | Door) -> Cell:
 
 
 def _in_front(layout: Layout) -> Door | None:
-    """The door right before the start, if there is one."""
+    """The door directly in front of the start, if there is one."""
     ahead = tuple(np.add(layout.start, STEPS[layout.heading]).tolist())
     return next((door for door in layout.tilemap.doors if _cell(door) == ahead), None)
 
 
 def broken_rules(layout: Layout) -> list[str]:
-    """Rules of KeyCorridor that a layout breaks: none, of a right one."""
+    """The rules of KeyCorridor that a layout breaks."""
     tilemap = layout.tilemap
     locked = [door for door in tilemap.doors if door.locked]
     if [len(locked), len(tilemap.keys), len(tilemap.goals)] != [1, 1, 1]:
@@ -113,7 +112,7 @@ def broken_rules(layout: Layout) -> list[str]:
 
 
 def _solid(layout: Layout) -> np.ndarray:
-    """bool[rows, columns], the walls that a layout with these doors must have."""
+    """bool[rows, columns]: the walls that a layout with these doors must have."""
     row, column = np.indices((layout.tilemap.rows, layout.tilemap.columns))
     pitch = layout.pitch
     solid = (row % pitch == 0) | (column % pitch == 0)
@@ -124,7 +123,7 @@ def _solid(layout: Layout) -> np.ndarray:
 
 
 def _middle(layout: Layout) -> set[Cell]:
-    """Where an episode may start: the floor of the middle room, with the walls taken away."""
+    """The tiles where an episode can start: the middle column of rooms, without inner walls."""
     pitch, rows = layout.pitch, (layout.tilemap.rows - 1) // layout.pitch
     top = rows // 2 * pitch
     inner = range(max(top, 1), min(top + pitch, layout.tilemap.rows - 2) + 1)

@@ -1,7 +1,7 @@
-"""One tic of Doom's player in Python's own integers, slow and plain.
+"""A slow, simple model of one tic of Doom's player, in Python integers.
 
-Positions and velocities are 16.16 map units, angles 2**32 a circle. Written after ZDoom's rules
-for `P_MovePlayer`, `P_XYMovement`, `FSlide` and `FPathTraverse`.
+Positions and velocities are 16.16 map units, and 2**32 is a full turn. The rules are those of
+ZDoom's `P_MovePlayer`, `P_XYMovement`, `FSlide` and `FPathTraverse`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Point = tuple[int, int]
 
 @dataclasses.dataclass(frozen=True)
 class Wall:
-    """A wall along an axis in map units, its front on the right."""
+    """An axis-parallel wall in map units, with its front on the right."""
 
     x0: int
     y0: int
@@ -49,7 +49,7 @@ class Wall:
 
 @dataclasses.dataclass
 class Player:
-    """The player's body; `held` counts the tics that a turn button has been down."""
+    """The player's body; `held` counts the tics for which a turn button has been down."""
 
     x: int
     y: int
@@ -60,7 +60,7 @@ class Player:
 
 
 class World:
-    """The walls in the order of the game's list, and the blocks they are in."""
+    """The walls in the order of the game's list, and the blocks that contain them."""
 
     def __init__(self, walls: Sequence[Wall]) -> None:
         self.walls = walls
@@ -82,7 +82,7 @@ class World:
     def tic(self, p: Player, ahead: int, right: int, left_turn: bool, right_turn: bool) -> Player:
         """The player after one tic; `ahead` and `right` are -1, 0 or 1.
 
-        Also leaves in `tried` every place at which the body was tried.
+        Also lists in `tried` each position at which the body was tried.
         """
         self.tried: list[Point] = []
         p = dataclasses.replace(p, held=p.held + 1 if left_turn or right_turn else 0)
@@ -101,7 +101,7 @@ class World:
         return p
 
     def move(self, p: Player, dx: int, dy: int) -> bool:
-        """Go, if nothing is in the way."""
+        """Move if nothing is in the way."""
         target = p.x + dx, p.y + dy
         self.tried.append(target)
         if not self.free(target):
@@ -142,7 +142,7 @@ class World:
         return best
 
     def trace(self, start: Point, end: Point, centre: Point) -> tuple[int, Wall] | None:
-        """The first wall met between two points, and where, in 65536ths of the way."""
+        """The first wall between two points, and its distance in 65536ths of the way."""
         x, y = start
         x += ONE if (x - self.west) % BLOCK == 0 else 0
         y += ONE if (y - self.south) % BLOCK == 0 else 0
@@ -199,7 +199,7 @@ class World:
 
 
 def reach(place: int, step: int, way: int, across: int) -> Point:
-    """How far (in blocks) the next border of one kind is, and how much the other grows a block."""
+    """Blocks to the next border along one axis, and the change of the other axis per block."""
     if step == 0:
         return ONE, 256 * ONE
     part = (place >> 7) % ONE
@@ -220,7 +220,7 @@ def times(a: int, b: int) -> int:
 
 
 def sine(index: int) -> int:
-    """Entry of the table of 8192 sines."""
+    """An entry of the table of 8192 sines."""
     index %= 8192
     if index >= 4096:
         return -sine(index - 4096)

@@ -1,6 +1,6 @@
-"""Maps of the game with their nodes, which sort pieces of walls by their distance.
+"""Maps of the game with their nodes, which sort pieces of walls by distance.
 
-For maps with one floor and one ceiling, whose walls are seen from one side. Numbers are 16.16 map
+Only for maps with one floor height, one ceiling height and one-sided walls. Numbers are 16.16 map
 units.
 """
 
@@ -19,7 +19,7 @@ from .doom import ONE, Point
 
 @dataclass(frozen=True)
 class Line:
-    """A wall: its ends in 16.16, its front on the right, and how it is papered."""
+    """A wall with its front on the right: its ends, its texture, and the offset of the texture."""
 
     start: Point
     end: Point
@@ -29,12 +29,12 @@ class Line:
 
     @property
     def length(self) -> int:
-        """Whole map units."""
+        """The length in whole map units."""
         return math.floor(math.dist(self.start, self.end) / ONE + 0.5)
 
     @property
     def contrast(self) -> int:
-        """What the direction adds to the light."""
+        """The change of the light level by the direction of the wall."""
         if self.start[0] == self.end[0]:
             return 16
         return -16 if self.start[1] == self.end[1] else 0
@@ -42,7 +42,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Seg:
-    """A piece of a wall, of those that the nodes sort."""
+    """A piece of a wall, as sorted by the nodes."""
 
     start: Point
     end: Point
@@ -51,7 +51,7 @@ class Seg:
 
 @dataclass(frozen=True)
 class Node:
-    """A line that parts the map, and what lies right and left of it: a node or pieces."""
+    """A line that divides the map; `sides` are the nodes or pieces to its right and left."""
 
     place: Point
     way: Point
@@ -60,7 +60,7 @@ class Node:
 
 @dataclass(frozen=True)
 class GameMap:
-    """A map with one floor and one ceiling; heights in 16.16."""
+    """A map with one floor and one ceiling height, in 16.16."""
 
     nodes: tuple[Node, ...]
     pieces: tuple[tuple[Seg, ...], ...]
@@ -71,7 +71,7 @@ class GameMap:
     light: int
 
     def near_first(self, x: int, y: int) -> Iterator[Seg]:
-        """All pieces of walls, the nearest first."""
+        """All pieces of walls, from near to far."""
         left = [len(self.nodes) - 1 if self.nodes else 1 << 31]
         while left:
             number = left.pop()
@@ -85,7 +85,7 @@ class GameMap:
 
 
 def read_game_map(wad: Wad) -> GameMap:
-    """The map of one of ViZDoom's scenarios, out of the lumps TEXTMAP and ZNODES."""
+    """The map of one of ViZDoom's scenarios, from the lumps TEXTMAP and ZNODES."""
     blocks = parse_udmf(wad.lump("TEXTMAP").decode("ascii"), wad.path.name)
     looks = "heightfloor", "heightceiling", "texturefloor", "textureceiling", "lightlevel"
     kinds = {tuple(sector.get(look) for look in looks) for sector in blocks["sector"]}
@@ -115,14 +115,14 @@ def read_game_map(wad: Wad) -> GameMap:
 
 
 def fixed(number: str) -> int:
-    """A number of a text as 16.16."""
+    """Parse a number as 16.16."""
     return round(float(number) * ONE)
 
 
 def read_nodes(
     data: bytes, points: list[Point], lines: Sequence[Line | None]
 ) -> tuple[tuple[Node, ...], tuple[tuple[Seg, ...], ...]]:
-    """Nodes and pieces of walls of a lump ZNODES of the kind XGLN; lines of two sides are None."""
+    """Nodes and pieces of walls from a lump ZNODES of type XGLN; two-sided lines are None."""
     place = 0
 
     def take(form: str) -> tuple[int, ...]:

@@ -1,8 +1,8 @@
-"""The game's picture in Python's own integers, slow and plain: walls, floors, light, things.
+"""A slow, simple model of the game's renderer in Python integers: walls, floors, light, things.
 
-Written after the rules of ZDoom's software renderer for maps with one floor and one ceiling, from
-the nodes that are stored beside a scenario's map. Numbers are 16.16 map units where nothing else
-is said; depths and sides of the view have 12 bits of fraction.
+It follows the rules of ZDoom's software renderer for maps with one floor and one ceiling height,
+and uses the nodes stored with a scenario's map. Numbers are 16.16 map units unless stated
+otherwise; depths and sides in the view have 12 fractional bits.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from .doom import ONE, Point, cosine, sine, times
 from .doom_nodes import GameMap, Line, Seg
 from .doom_things import Stamp, Thing, Weapon, paint
 
-# The nearest depth of walls and of things; the brightest that nearness makes.
+# The least depth of walls and of things, and the most light that nearness adds.
 NEAR_WALL, NEAR_THING, MOST_LIGHT = 32, 2 << 12, 24 * ONE
 SHADES = 32
-# What shines over the screen when something is picked up.
+# The colour that tints the screen after a pickup.
 GOLD = 215, 186, 69
 
 
 @dataclass(frozen=True)
 class Pose:
-    """The eye: 16.16, and an angle of 2**32 a circle."""
+    """The eye: its position in 16.16, and its angle, where 2**32 is a full turn."""
 
     x: int
     y: int
@@ -36,7 +36,7 @@ class Pose:
 
 
 def cut(numerator: int, denominator: int) -> int:
-    """The quotient without its fraction, as processors divide."""
+    """The quotient rounded towards zero, as processors divide."""
     quotient = abs(numerator) // abs(denominator)
     return quotient if (numerator < 0) == (denominator < 0) else -quotient
 
@@ -58,7 +58,7 @@ def darkness_of(light: int) -> int:
 
 @dataclass(frozen=True)
 class Extent:
-    """Where a piece of a wall is seen: columns from x1 to x2 (exclusive) and depths there."""
+    """The visible part of a piece of a wall: columns x1 to x2 (exclusive), and depths there."""
 
     x1: int
     x2: int
@@ -68,7 +68,7 @@ class Extent:
 
 @dataclass(frozen=True)
 class Fragment:
-    """Columns of a piece of a wall that were drawn."""
+    """The drawn columns of a piece of a wall."""
 
     start: int
     stop: int
@@ -77,7 +77,7 @@ class Fragment:
 
 
 class Renderer:
-    """Draws a map with the pictures of a WAD, at one size of the screen of the shape 4 to 3."""
+    """Draws a map with the pictures of a WAD file, at one screen size of aspect ratio 4:3."""
 
     def __init__(self, game_map: GameMap, pictures: Wad, height: int, width: int) -> None:
         if 4 * height != 3 * width:
@@ -89,15 +89,15 @@ class Renderer:
         for name, texture in self.textures.items():
             if texture.shape[0] & texture.shape[0] - 1:
                 raise ValueError(f"texture {name} is {texture.shape[0]} rows high")
-        # The pose and the light of what was drawn last.
+        # The last pose and light that were drawn.
         self.drawn: tuple[Pose, int] | None = None
         self.floor = pictures.flat(game_map.floor_flat)
         self.ceiling = pictures.flat(game_map.ceiling_flat)
-        # Half the screen; pixels that a map unit is high at the depth 1; what light loses.
+        # Half the screen; the height in pixels of a map unit at depth 1; how light falls off.
         self.cx, self.cy = width // 2, height // 2
         self.stretch = (320 * ONE) * height // (200 * width)
         self.focal = self.stretch * self.cx
-        # Nearness lights walls by 1280 / depth, and floors alike by the distance of their rows.
+        # Nearness adds 1280 / depth to the light of walls, and likewise to the rows of floors.
         visible = self.focal * (width * 600) // (width * height * 3)
         self.wall_light = times(visible, 8 * ONE)
         self.floor_light = 160 * ONE * (8 * ONE) // self.focal
@@ -114,21 +114,21 @@ class Renderer:
         gold: int = 0,
         flash: int = 0,
     ) -> np.ndarray:
-        """uint8[height, width, 3]: the picture.
+        """uint8[height, width, 3]: the frame.
 
         Args:
-            pose: of the eye.
-            things: what stands in the map.
-            weapons: what the player holds, the farthest first.
-            gold: 256ths of gold over the picture.
-            flash: light that a shot adds to the map's.
+            pose: the pose of the eye.
+            things: the things in the map.
+            weapons: the pictures of the weapon, from far to near.
+            gold: the share of gold in the frame, in 256ths.
+            flash: the light that a shot adds.
         """
         self.light = self.map.light + flash
         palette = (self.palette.astype(int) * (256 - gold) + np.array(GOLD) * gold) >> 8
         return palette.astype(np.uint8)[self.indices(pose, things, weapons)]
 
     def indices(self, pose: Pose, things: Sequence[Thing], weapons: Sequence[Weapon]) -> np.ndarray:
-        """uint8[height, width]: the picture as indices of the palette."""
+        """uint8[height, width]: the frame as palette indices."""
         if (pose, self.light) != self.drawn:
             self.empty(pose)
             self.drawn = pose, self.light
@@ -156,12 +156,12 @@ class Renderer:
         self.plane(self.floor, self.map.floor, self.bottom, np.full(self.width, self.height))
 
     def turned(self, point: Point, bits: int = 20) -> Point:
-        """Side (to the right) and depth of a point as the eye sees it."""
+        """Side (to the right) and depth of a point, relative to the eye."""
         dx, dy = point[0] - self.pose.x, point[1] - self.pose.y
         return (dx * self.sin - dy * self.cos) >> bits, (dx * self.cos + dy * self.sin) >> 20
 
     def extent(self, seg: Seg) -> Extent | None:
-        """Where a piece of a wall is seen; None if it is not."""
+        """The visible part of a piece of a wall; None if there is none."""
         (ax, ay), (bx, by) = (
             (end[0] - self.pose.x, end[1] - self.pose.y) for end in (seg.start, seg.end)
         )
@@ -171,7 +171,7 @@ class Renderer:
         inside1, inside2 = t1 >= -d1, t2 <= d2
         if (t1 > d1 and (inside1 or not inside2)) or (t2 < -d2 and (inside2 or not inside1)):
             return None
-        # Of an end outside of the view, what counts is where the wall crosses the view's border.
+        # If an end is outside the view, the wall is cut where it crosses the border of the view.
         way1 = d1 if inside1 else t1 - t2 - d2 + d1
         way2 = d2 if inside2 else t1 - t2 + d2 - d1
         if way1 == 0 or way2 == 0:
@@ -187,13 +187,13 @@ class Renderer:
         return Extent(x1, x2, depth1, depth2)
 
     def column(self, side: int, depth: int) -> int:
-        """The first column whose left edge is not left of a place."""
+        """The first column whose left edge is not to the left of a point."""
         half = self.cx * ONE
         found = (half + cut(side * half, depth)) >> 16
         return min(self.width, found + 1) if side >= 0 else found
 
     def edge(self, z: int, extent: Extent) -> np.ndarray:
-        """int64[x2 - x1]: the rows of a wall's edge at a height above the eye, on the screen."""
+        """int64[x2 - x1]: the screen rows of a wall's edge, at height z above the eye."""
         x1, x2, depth1, depth2 = extent.x1, extent.x2, extent.depth1, extent.depth2
         rows = np.zeros(x2 - x1, np.int64)
         z = -(z >> 4)
@@ -230,7 +230,7 @@ class Renderer:
         return np.clip(rows, 0, self.height)
 
     def wall(self, seg: Seg, extent: Extent, free: np.ndarray) -> list[Fragment]:
-        """Draw what is free of a piece of a wall."""
+        """Draw a piece of a wall in the columns that are still free."""
         x1, x2 = extent.x1, extent.x2
         columns = np.flatnonzero(free[x1:x2]) + x1
         if not columns.size:
@@ -277,9 +277,10 @@ class Renderer:
     def same_shade_below(
         run: np.ndarray, top: np.ndarray, bottom: np.ndarray, x1: int
     ) -> dict[int, tuple[int, int]]:
-        """From which row on a column has the shade of another one, a slip of the game's.
+        """The row from which a column has the shade of another one, an error of the game.
 
-        Columns are drawn four at a time; what is below the shortest has the first one's shade.
+        The game draws four columns at a time. Below the end of the shortest, all have the shade of
+        the first.
         """
         found = {}
         start, stop = int(run[0]), int(run[-1]) + 1
@@ -291,7 +292,7 @@ class Renderer:
         return found
 
     def paper(self, line: Line, extent: Extent) -> tuple[list[int], list[int]]:
-        """Of each column: the place along the line in 16.16, and the step down the texture."""
+        """For each column, the position along the line in 16.16, and the step down the texture."""
         (t1, d1), (t2, d2) = self.turned(line.start), self.turned(line.end)
         single = np.float32
         u0, u1 = single(t1) * single(self.cx), single(-d1)
@@ -303,7 +304,7 @@ class Renderer:
         whole = line.length * ONE
         along = np.rint(part * whole).astype(np.int64)
         steps = np.rint(part * float(v1 * scale) + float(-u1 * scale)).astype(np.int64)
-        # At both ends, but not at the screen's left border, places outside are moved to the end.
+        # Positions beyond an end move to the end, except at the left border of the screen.
         inside = np.flatnonzero((along >= 0) & (along < whole))
         first, last = (inside[0], inside[-1]) if inside.size else (len(along), -1)
         if extent.x1 > 0:
@@ -318,7 +319,7 @@ class Renderer:
         pose = self.pose
         away = abs(height - pose.z)
         near = cut(self.floor_light << 16, away)
-        # The flat has 64 texels, which the six highest of 32 bits count.
+        # A flat has 64 texels: the highest six of 32 bits.
         unit, focal = 1 << 26, self.cx * ONE
         right = (pose.angle - (1 << 30)) % 2**32 >> 19
         step_x, step_y = cut(unit * cosine(right), focal), cut(unit * -sine(right), focal)
@@ -343,14 +344,14 @@ class Renderer:
                 self.frame[y, span] = self.colormap[shade, flat[v, u]]
 
     def far_first(self, things: Sequence[Thing]) -> list[Sprite]:
-        """What is seen of things, the farthest first."""
+        """The visible things, from far to near."""
         seen = [sprite for thing in things if (sprite := self.project(thing)) is not None]
         seen.sort(key=lambda sprite: -(2**31 // sprite.depth))
-        # Of equally near ones, the last is drawn first.
+        # Of things at equal depth, the last is drawn first.
         return seen[::-1]
 
     def project(self, thing: Thing) -> Sprite | None:
-        """A thing on the screen; None if it is not there."""
+        """A thing on the screen; None if it is not visible."""
         side, depth = self.turned((thing.x, thing.y), 16)
         if depth < NEAR_THING or abs(side) >> 6 > depth:
             return None

@@ -1,4 +1,4 @@
-"""Things and weapons in the game's picture, column by column. Numbers are 16.16."""
+"""Things and weapons in the game's frame, column by column. Numbers are 16.16."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Blend = Literal["cover", "add", "mean"]
 
 @dataclass(frozen=True)
 class Thing:
-    """Something that faces the eye: the place of its feet, and how it meets what is behind it."""
+    """A billboard: its picture, the position of its feet, and how it blends."""
 
     picture: Picture
     x: int
@@ -30,7 +30,7 @@ class Thing:
 
 @dataclass(frozen=True)
 class Weapon:
-    """A picture in the player's hands, at a place of a screen of 320 by 200."""
+    """A picture in the player's hands, at a position on a screen of 320 by 200."""
 
     picture: Picture
     x: int = 0
@@ -43,14 +43,14 @@ class Stamp:
     """A picture on the screen.
 
     Attributes:
-        picture: what is drawn.
-        x1: its first column, which may lie left of the screen.
+        picture: the picture.
+        x1: its first column, which can be left of the screen.
         x2: the column after its last one.
-        along: columns of the picture for one of the screen.
-        middle: rows of the picture from its upper edge to the screen's middle.
-        scale: rows of the screen for one of the picture.
-        shade: row of the table of light.
-        blend: how it meets what is behind it.
+        along: picture columns per screen column.
+        middle: picture rows from its upper edge to the middle of the screen.
+        scale: screen rows per picture row.
+        shade: the row of the light table.
+        blend: how it blends with what is behind it.
     """
 
     picture: Picture
@@ -66,7 +66,7 @@ class Stamp:
 def paint(
     frame: np.ndarray, stamp: Stamp, hidden: np.ndarray, colormap: np.ndarray, palette: np.ndarray
 ) -> None:
-    """Draw a picture into a frame of indices, but for columns that are hidden."""
+    """Draw a picture into a frame of indices, except for hidden columns."""
     light = colormap[stamp.shade]
     for x in range(max(stamp.x1, 0), min(stamp.x2, frame.shape[1])):
         if hidden[x]:
@@ -96,7 +96,7 @@ def runs(column: np.ndarray, stamp: Stamp, height: int) -> Iterator[tuple[int, n
             y1, place = y1 + 1, place + step
         if y1 > y2:
             continue
-        # The last row is stretched by one if the run falls short, and cut if it does not reach.
+        # Add a row if the run ends early, and drop rows beyond the end of the run.
         end, limit = place + (y2 - y1) * step, length * ONE
         if y2 < height - 1 and end < limit - step:
             y2 += 1
@@ -108,8 +108,8 @@ def runs(column: np.ndarray, stamp: Stamp, height: int) -> Iterator[tuple[int, n
 
 @functools.cache
 def nearest(palette: bytes, red: int, green: int, blue: int) -> int:
-    """The palette's index that is nearest to a colour of five bits a channel."""
+    """The palette index nearest to a colour with five bits per channel."""
     wanted = [(channel << 3) | (channel >> 2) for channel in (red, green, blue)]
     known = np.frombuffer(palette, np.uint8).reshape(256, 3).astype(int)
-    # Index 0 stands for holes.
+    # Index 0 means a hole.
     return 1 + int(((known[1:] - wanted) ** 2).sum(axis=1).argmin())

@@ -1,4 +1,4 @@
-"""A terminal emulator for the half-block display: a pseudo terminal whose screen can be read."""
+"""A terminal emulator for the half-block display: a pseudo terminal with a readable screen."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ HALF_BLOCK = "\u2580"
 
 
 class Emulator:
-    """The person's end of a pseudo terminal: shows what is written to it, sends keys.
+    """The user's end of a pseudo terminal: shows its output and sends keys.
 
-    It knows what the display is allowed to use: cursor addressing, 24-bit colours, clearing,
-    private modes and the question where the cursor is.
+    It supports only what the display may use: cursor addressing, 24-bit colours, clearing, private
+    modes and the query of the cursor position.
     """
 
     def __init__(self, columns: int, rows: int, *, answers: bool = True) -> None:
@@ -54,7 +54,7 @@ class Emulator:
         os.close(self.master)
 
     def settle(self) -> None:
-        """Wait until everything that was written has been shown."""
+        """Wait until all output has been shown."""
         quiet = time.monotonic()
         seen = self.received
         while time.monotonic() - quiet < 0.1:
@@ -63,7 +63,7 @@ class Emulator:
                 quiet, seen = time.monotonic(), self.received
 
     def picture(self) -> np.ndarray:
-        """uint8[2 rows, columns, 3]: the half blocks as pixels; text as its background."""
+        """uint8[2 * rows, columns, 3]: half blocks as pixels, and text as its background."""
         upper = np.where((self.letters == HALF_BLOCK)[..., None], *self.colours)
         return np.stack([upper, self.colours[1]], axis=1).reshape(-1, *upper.shape[1:])
 
@@ -83,7 +83,7 @@ class Emulator:
             self.received += len(data)
 
     def _take(self, data: bytes) -> bytes:
-        """Show what is complete; returns the rest."""
+        """Show complete sequences; return the rest."""
         text, at = data.decode("utf-8", "ignore"), 0
         if data and data[-1] >= 0x80 and not data.endswith(HALF_BLOCK.encode()):
             return data

@@ -1,4 +1,4 @@
-"""Frames without rays, which compile in a moment; the engine's take seconds."""
+"""Cheap frames, which compile at once; frames of the engine take seconds."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 
 def plain_frame(scene: Any, camera: Any, kind: str = "rgb", layers: int = 4) -> jax.Array:
-    """What `engine.render.render` gives, as stripes that another state has in another colour."""
+    """Replaces `engine.render.render`: stripes whose colours depend on the whole state."""
     del layers
     sprites = scene.sprites
     parts = (scene.position, scene.heading, scene.closed, sprites.position, sprites.visible)
-    # In whole thousandths, since numbers of two programs may differ in their last bits.
+    # In whole thousandths, since two programs can differ in the last bits of a number.
     numbers = [jnp.round(1000 * part.astype(jnp.float32)).astype(jnp.int32) for part in parts]
     words = jnp.concatenate(
         [part.ravel() for part in [*numbers, sprites.picture.astype(jnp.int32)]]

@@ -1,4 +1,4 @@
-"""Whole images in float64: what each pixel shows, how deep, and where rounding may decide."""
+"""Whole images in float64: what each pixel shows, its depth, and where rounding decides."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ CEILING, FLOOR = 0, 1
 TEXELS = 32
 # A billboard nearer than this is not drawn.
 NEAREST = 0.05
-# Float32 may misplace an edge by this much of a texel, or of a wall's height in pixels.
+# Float32 can move an edge by this share of a texel, or of the height of a wall in pixels.
 TEXEL_ROUNDING = 4e-3
 EDGE_ROUNDING = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
 class Billboards:
-    """N billboards, and S looks as the engine's theme has them.
+    """N billboards, and S looks as in a theme of the engine.
 
     Attributes:
         position: float[N, 2].
         picture: int[N].
         visible: bool[N].
-        shape: uint32[S, 32], the shape plane by column, least bit on top.
+        shape: uint32[S, 32], the shape plane by column, highest bit on top.
         radius: float[S], half the side in tiles.
         drop: float[S], tiles from the eye's height down to the centre.
         labels: uint8[S].
@@ -48,7 +48,7 @@ class Picture:
         labels: int[height, width].
         depth: float64[height, width].
         sprite: int[height, width], index of the billboard shown, or -1.
-        unsure: bool[height, width], pixels that lie within rounding of an edge.
+        unsure: bool[height, width], pixels within rounding of an edge.
     """
 
     labels: np.ndarray
@@ -58,12 +58,12 @@ class Picture:
 
 
 def focal_length(width: int, field_of_view: float) -> float:
-    """Distance of the image plane in pixels."""
+    """The distance of the image plane in pixels."""
     return width / (2 * np.tan(np.deg2rad(field_of_view) / 2))
 
 
 def row_offsets(height: int) -> np.ndarray:
-    """float64[height]: pixels from the horizon down to each row's centre."""
+    """float64[height]: pixels from the horizon down to the centre of each row."""
     return np.array([row + 0.5 - height / 2 for row in range(height)])
 
 
@@ -81,9 +81,9 @@ def draw(
     room: tuple[float, float] = (0.5, 0.5),
     row_focal: float | None = None,
 ) -> Picture:
-    """Draw a map uint8[rows, columns] whose outermost tiles are solid, with billboards in it.
+    """Draw a map uint8[rows, columns] with a solid border, and billboards in it.
 
-    `room` is how far the floor is below the eye and the ceiling above it.
+    `room` is the distance of the floor below the eye and of the ceiling above it.
     """
     rays = raycaster.directions(heading, width, field_of_view)
     eyes = np.repeat(eye[None].astype(np.float64), width, axis=0)
@@ -132,7 +132,7 @@ def _add_billboards(
     focal: float,
     layers: int,
 ) -> None:
-    """Draw into one column the nearest billboards that it crosses, nearest on top."""
+    """Draw the nearest billboards of one column, the nearest on top."""
     rows = row_offsets(picture.labels.shape[0])
     forward = np.array([np.cos(heading), np.sin(heading)])
     right = np.array([-forward[1], forward[0]])

@@ -1,4 +1,4 @@
-"""Writes `.map` files of mazes as DeepMind Lab has them, from pictures of (2 rows + 1) lines."""
+"""Write `.map` files of mazes as in DeepMind Lab, from text pictures of (2 * rows + 1) lines."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ CLASSES = {
     "G": ("goal",),
 }
 COLOURS = {"#": "plain", "3": "green", "1": "red", "4": "yellow", "2": "blue"}
-# Side of a cell: (dx, dy) on the picture, whose lines go from north to south.
+# Sides of a cell as (dx, dy) in the picture, whose lines run from north to south.
 SIDES = {"west": (-1, 0), "east": (1, 0), "north": (0, -1), "south": (0, 1)}
 
 CellSide = tuple[int, int, str]
 
 
 def plane(axis: int, value: float, texture: str) -> str:
-    """A plane across an axis, as three points on it."""
+    """A plane perpendicular to an axis, as three points."""
     points = []
     for other in ((0, 0), (32, 0), (0, 32)):
         point = list(other)
@@ -79,9 +79,9 @@ def write_map(
     """The `.map` file of a maze.
 
     Args:
-        picture: one character a tile; between cells, what is not '.' is a wall, of a colour of
-            `COLOURS`; a cell is '.', one of `CLASSES`, or '#' if it has no floor.
-        colours: other colours of single panels, by the (column, row from south, side) of the cell.
+        picture: one character per tile. Between cells, all but '.' are walls, with colours from
+            `COLOURS`. A cell is '.', a key of `CLASSES`, or '#' if it has no floor.
+        colours: other colours of single panels, by (column, row from the south, side).
         decals: pictures on panels.
     """
     lines = picture.split()
@@ -107,7 +107,7 @@ def write_map(
 
 
 def _box(side: CellSide, thick: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Low and high corner of what lies at a side of a cell."""
+    """The low and the high corner of a box at a side of a cell."""
     column, row, name = side
     low, high = [100.0 * column, 100.0 * row, 0.0], [100.0 * column + 100, 100.0 * row + 100, 100.0]
     axis = 0 if name in ("west", "east") else 1

@@ -1,4 +1,4 @@
-"""Rays marched cell by cell (Amanatides and Woo), many at once, in float64."""
+"""March many rays from cell to cell (Amanatides and Woo) in float64."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import dataclasses
 
 import numpy as np
 
-# Faces of a tile, by the direction they look to; also the order of a map's face ids.
+# The faces of a tile by the direction they face, in the order of a map's face ids.
 WEST, EAST, NORTH, SOUTH = range(4)
-# Float32 arithmetic may misplace a ray by this much per tile of its way (and one).
+# Float32 arithmetic can move a ray by this much per tile of its length plus one.
 ROUNDING = 2e-5
-# On a face met at a small angle, the error of a ray grows at most by this factor.
+# On a face at a small angle, the error of a ray grows at most by this factor.
 SLANT = 64
 
 
 @dataclasses.dataclass(frozen=True)
 class Sight:
-    """What N rays met first.
+    """The first hits of N rays.
 
     Attributes:
-        depth: float64[N], the ray parameter: with `directions`' rays, the perpendicular distance.
-        tile: int64[N, 2], (column, row); one column or row outside the map at most.
+        depth: float64[N], the ray parameter: for rays of `directions`, the perpendicular distance.
+        tile: int64[N, 2], (column, row), at most one tile outside the map.
         face: int64[N], `WEST`, `EAST`, `NORTH` or `SOUTH`.
-        along: float64[N], place on the face from its left edge to its right as seen, 0 to 1.
-        clearance: float64[N], least distance in tiles at which the ray passes a corner of a solid
-            tile on a crossed tile border, less `ROUNDING`. Where it is negative, float32 may see
-            something else.
+        along: float64[N], the position on the face from its left (0) to its right edge (1) as seen.
+        clearance: float64[N], the least distance in tiles at which the ray passes a corner of a
+            solid tile on a crossed border, minus `ROUNDING`. If it is negative, float32 can hit
+            another tile.
     """
 
     depth: np.ndarray
@@ -36,7 +36,7 @@ class Sight:
 
 
 def slopes(width: int, field_of_view: float) -> np.ndarray:
-    """float64[width]: sideways offset at distance one of each column's centre."""
+    """float64[width]: the sideways offset of the centre of each column at distance 1."""
     edge = np.tan(np.deg2rad(field_of_view) / 2)
     return np.array([edge * (2 * (i + 0.5) / width - 1) for i in range(width)])
 
@@ -49,7 +49,7 @@ def directions(heading: float, width: int, field_of_view: float) -> np.ndarray:
 
 
 def solid_tiles(walls: np.ndarray, doors: np.ndarray, closed: np.ndarray) -> np.ndarray:
-    """bool[rows, columns] of a map uint8[rows, columns] or [4, rows, columns] with doors."""
+    """bool[rows, columns]: solid tiles of a map uint8[(4,) rows, columns] with doors."""
     solid = (walls.reshape(-1, *walls.shape[-2:]) != 0).any(axis=0)
     for (column, row), shut in zip(doors, closed, strict=True):
         solid[row, column] = shut
@@ -57,7 +57,7 @@ def solid_tiles(walls: np.ndarray, doors: np.ndarray, closed: np.ndarray) -> np.
 
 
 def march(solid: np.ndarray, eyes: np.ndarray, rays: np.ndarray) -> Sight:
-    """Follow N rays through a map from tile to tile until each enters a solid one.
+    """Follow N rays through a map from tile to tile until each enters a solid tile.
 
     Args:
         solid: bool[rows, columns].
@@ -119,9 +119,9 @@ def _sight(
 def along_face(
     eyes: np.ndarray, rays: np.ndarray, depth: np.ndarray, tile: np.ndarray, face: np.ndarray
 ) -> np.ndarray:
-    """float64[N]: where rays meet faces at given depths, from the left edge as seen, 0 to 1."""
+    """float64[N]: the position of hits on their faces, from the left (0) to the right edge (1)."""
     point = eyes + depth[:, None] * rays - tile
-    # Who looks at a west face looks east and has the south, where y grows, on the right.
+    # A viewer of a west face looks east, with the south, where y grows, on the right.
     return np.select(
         [face == WEST, face == EAST, face == NORTH],
         [point[:, 1], 1 - point[:, 1], 1 - point[:, 0]],
@@ -138,11 +138,11 @@ def rounding_of_depth(eyes: np.ndarray, rays: np.ndarray, sight: Sight) -> np.nd
 def is_plausible(
     solid: np.ndarray, eye: np.ndarray, ray: np.ndarray, depth: float, tile: np.ndarray, face: int
 ) -> bool:
-    """Whether a ray may be said to end at a face, if tiles were misplaced by a rounding error.
+    """Whether a ray can end at a face if tiles are off by a rounding error.
 
-    It may if that tile is solid, the ray is at that face at that depth, and it has not been
-    through the core of any solid tile before. This needs no march, and so it judges rays that
-    run along tile borders or through corners, where a march depends on each rounding.
+    It can if the tile is solid, the ray is at the face at that depth, and it has not passed through
+    the core of a solid tile before. This needs no march, so it also works for rays along tile
+    borders or through corners, where the result of a march depends on each rounding.
     """
     rows, columns = solid.shape
     blur = ROUNDING * (1 + rows + columns)
@@ -165,7 +165,7 @@ def is_plausible(
 
 
 def _first_core(solid: np.ndarray, eye: np.ndarray, ray: np.ndarray, blur: float) -> float:
-    """The least depth at which a ray is in a solid tile by more than `blur`, by slabs."""
+    """The least depth at which a ray is inside a solid tile by more than `blur`."""
     row, column = np.nonzero(np.pad(solid, 1, constant_values=True))
     low = np.stack([column, row], axis=1) - 1 + blur
     high = low + 1 - 2 * blur

@@ -1,4 +1,4 @@
-"""Scenes for the engine, with looks that tell everything apart, and their reference pictures."""
+"""Scenes for the engine in which everything looks different, and their reference images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPRITE_LABELS = 250
 
 
 def plain_theme(seed: int = 0, **changes: Any) -> Theme:
-    """Random wall colours, no panels, sprites of random bits in several sizes; look 0 is solid."""
+    """Random wall colours, no panels, and random sprites in several sizes; look 0 is solid."""
     rng = np.random.default_rng(seed)
     art = rng.integers(0, 2**32, (LOOKS, 2, 32), dtype=np.uint32)
     art[0, 0] = 0xFFFFFFFF
@@ -42,10 +42,10 @@ def plain_theme(seed: int = 0, **changes: Any) -> Theme:
 
 
 def draw_scene(seed: int, shape: tuple[int, int], sprites: int) -> tuple[World, Sprites]:
-    """A bordered world with one pose, and billboards anywhere inside the map, some unseen."""
+    """A bordered world with one pose, and billboards anywhere in the map, some invisible."""
     rng = np.random.default_rng(seed)
     world = draw_world(seed, shape, bordered=True, poses=1)
-    # Nothing that the walls show may be mistaken for floor, ceiling or a sprite.
+    # No wall may have the label of floor, ceiling or a sprite.
     walls = np.where(world.walls >= SPRITE_LABELS, 7, world.walls).astype(np.uint8)
     world = World(walls, world.doors, world.closed, world.positions, world.headings)
     rows, columns = shape
@@ -67,7 +67,7 @@ def draw_scene(seed: int, shape: tuple[int, int], sprites: int) -> tuple[World, 
 
 
 def scene_of(world: World, sprites: Sprites, theme: Theme, pose: int = 0) -> Scene:
-    """The scene of one pose of a world, its level a constant."""
+    """The scene of one pose of a world, with a constant level."""
     return Scene(
         level=compile_level(world.walls, world.doors),
         closed=world.closed,  # type: ignore[arg-type]
@@ -94,7 +94,7 @@ def billboards_of(sprites: Sprites, theme: Theme) -> images.Billboards:
 def picture_of(
     world: World, sprites: Sprites, theme: Theme, camera: Camera, layers: int, pose: int = 0
 ) -> images.Picture:
-    """The reference's picture of one pose of a bordered world."""
+    """The reference image of one pose of a bordered world."""
     return images.draw(
         world.solid,
         world.walls,
@@ -121,7 +121,7 @@ def no_sprites() -> Sprites:
 
 @functools.cache
 def renderer(camera: Camera, kind: Any, layers: int = 4) -> Any:
-    """A jitted render of anything but the theme, a constant as in an environment."""
+    """A jitted `render` whose theme is a constant, as in an environment."""
     theme = plain_theme()
 
     @jax.jit

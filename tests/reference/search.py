@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def several(examples: int) -> settings:
+def search_settings(examples: int) -> settings:
     """Settings for a search over `examples` seeds."""
     phases = (Phase.explicit, Phase.reuse, Phase.generate)
     return settings(deadline=None, max_examples=examples, phases=phases)

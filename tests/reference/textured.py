@@ -1,4 +1,4 @@
-"""Frames with textures, pixel by pixel in float64, from the pictures themselves."""
+"""Frames with textures, pixel by pixel in float64, without an atlas."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from jaxenstein.engine.textures import Sampling
 from . import raycaster
 from .worlds import World
 
-# Float32 may put a place this near to the edge of a texel on its other side, and a light this near
-# to the edge of a shade.
+# Float32 can move a point this close to the edge of a texel to its other side, and likewise a light
+# this close to the border of a shade.
 EDGE, STEP = 1e-2, 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
 class Wall:
-    """A picture uint8[h, w, 3], texels a tile, and what is added to the texel column."""
+    """A picture uint8[h, w, 3], texels per tile, and the offset of the texel column."""
 
     picture: np.ndarray
     across: int
@@ -30,7 +30,7 @@ class Wall:
 
 @dataclasses.dataclass(frozen=True)
 class Flat:
-    """A picture uint8[h, w, 3], texels a tile along x and y, and what is added to both."""
+    """A picture uint8[h, w, 3], texels per tile along x and y, and the offset of both."""
 
     picture: np.ndarray
     scale: tuple[float, float]
@@ -39,7 +39,7 @@ class Flat:
 
 @dataclasses.dataclass(frozen=True)
 class Thing:
-    """A picture uint8[h, w, 4] and where it is, in tiles from its middle and the eye's height."""
+    """A picture uint8[h, w, 4], and its edges in tiles from its middle and from eye height."""
 
     picture: np.ndarray
     half_width: float
@@ -50,7 +50,7 @@ class Thing:
 
 @dataclasses.dataclass(frozen=True)
 class Looks:
-    """All pictures; `wall_of(face, tile, label)` is the row of `walls` that a face shows."""
+    """All pictures; `wall_of(face, tile, label)` is the row of `walls` for a face."""
 
     walls: list[Wall]
     ceiling: Flat
@@ -67,15 +67,15 @@ def draw(
     places: Sampling,
     layers: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """uint8[height, width, 3], and bool[height, width] where rounding cannot decide.
+    """The frame uint8[height, width, 3], and bool[height, width]: whether a pixel is certain.
 
     Args:
         looks: the pictures.
-        world: a bordered map and its first pose.
-        things: of billboards: float[N, 2], int[N] rows of `looks.things`, bool[N] if visible.
-        camera: size, field of view, and heights.
-        places: where in a pixel rays look.
-        layers: how many billboards a column shows.
+        world: a bordered map; its first pose is used.
+        things: positions float[N, 2], rows of `looks.things` int[N], and visibility bool[N].
+        camera: size, field of view and heights.
+        places: the points of a pixel at which textures are sampled.
+        layers: the number of billboards that a column shows.
     """
     eye, heading = world.positions[0].astype(np.float64), float(world.headings[0])
     size = camera.height, camera.width
@@ -118,7 +118,7 @@ def _focal(camera: Camera) -> float:
 
 
 def _shaded(colour: np.ndarray, light: float) -> tuple[np.ndarray, bool]:
-    """A colour in the nearest of 32 shades, and whether that is sure."""
+    """A colour in the nearest of 32 shades, and whether the shade is certain."""
     step = (1 - light) * 32
     shade = min(max(round(step), 0), 31)
     certain = abs(step - np.floor(step) - 0.5) > STEP or step > 31
@@ -134,7 +134,7 @@ def _inside(place: float) -> bool:
 
 
 def _wall(looks, world, sight, eye, ray, place, camera):
-    """Colour and certainty of a wall's pixel, or None where there is floor or ceiling."""
+    """The colour and certainty of a wall pixel, or None if the pixel shows floor or ceiling."""
     depth, face = float(sight.depth[0]), int(sight.face[0])
     height = (place - camera.height / 2) * depth / _focal(camera)
     above, below = camera.wall - camera.eye, camera.eye
@@ -143,7 +143,7 @@ def _wall(looks, world, sight, eye, ray, place, camera):
     column, row = (int(v) for v in sight.tile[0])
     look = looks.walls[looks.wall_of(face, (column, row), int(world.walls[row, column]))]
     x, y = eye + depth * ray
-    # From left to right as seen: southwards on faces that look west, and so on.
+    # From left to right as seen: southwards on west faces, and so on.
     along = {raycaster.WEST: y, raycaster.EAST: -y, raycaster.NORTH: -x, raycaster.SOUTH: x}[face]
     across, down = along * look.across, (height + above) * look.down
     rows, columns = look.picture.shape[:2]
@@ -157,7 +157,7 @@ def _wall(looks, world, sight, eye, ray, place, camera):
 
 
 def _flat(looks, eye, ray, row, camera, places):
-    """Colour and certainty of a pixel of floor or ceiling."""
+    """The colour and certainty of a pixel of floor or ceiling."""
     below = row + places.plane[1] - camera.height / 2
     look = looks.floor if below > 0 else looks.ceiling
     room = camera.eye if below > 0 else camera.wall - camera.eye
@@ -168,14 +168,14 @@ def _flat(looks, eye, ray, row, camera, places):
     rows, columns = look.picture.shape[:2]
     texel = look.picture[int(np.floor(y)) % rows, int(np.floor(x)) % columns]
     lit = abs(row + places.light_row - camera.height / 2)
-    # The row of the light may belong to the other plane or to none.
+    # The row of the light can belong to the other plane or to none.
     same = (row + places.light_row - camera.height / 2 > 0) == (below > 0)
     colour, certain = _shaded(texel, _light(room * _focal(camera) / max(lit, 1e-2)))
     return colour, certain and same and _inside(x) and _inside(y)
 
 
 def _things(looks, things, eye, heading, slope, wall, camera, places, layers):
-    """(row, colour or None, certainty) of a column's pixels near billboards, the farthest first."""
+    """(row, colour or None, certainty) of pixels near billboards, from far to near."""
     forward = np.array([np.cos(heading), np.sin(heading)])
     right = np.array([-forward[1], forward[0]])
     crossed = []

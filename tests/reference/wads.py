@@ -1,4 +1,4 @@
-"""Small WAD files with pictures drawn here, and how pictures are written in them."""
+"""Write small WAD files with random pictures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Lumps = Iterable[tuple[str, bytes]]
 
 
 def write_wad(lumps: Lumps, kind: bytes = b"PWAD") -> bytes:
-    """A WAD file of some lumps; its directory is at its end."""
+    """A WAD file with these lumps and its directory at the end."""
     body, directory, count = b"", b"", 0
     for name, data in lumps:
         directory += struct.pack("<II8s", 12 + len(body), len(data), name.encode())
@@ -20,7 +20,7 @@ def write_wad(lumps: Lumps, kind: bytes = b"PWAD") -> bytes:
 
 
 def write_picture(pixels: np.ndarray, left: int = 0, top: int = 0) -> bytes:
-    """A picture of int16[height, width] with holes of -1, at most 254 rows high."""
+    """Encode int16[height, width] with -1 in holes, at most 254 rows high."""
     height, width = pixels.shape
     columns, offsets = b"", []
     for column in pixels.T.tolist():
@@ -41,7 +41,7 @@ def write_picture(pixels: np.ndarray, left: int = 0, top: int = 0) -> bytes:
 def write_textures(
     textures: Mapping[str, tuple[tuple[int, int], Sequence[tuple[int, int, int]]]],
 ) -> bytes:
-    """A lump TEXTURE1: of each texture height and width, and (column, row, patch) of patches."""
+    """A lump TEXTURE1: the size of each texture, and (column, row, number) of its patches."""
     offset, offsets, body = 4 + 4 * len(textures), [], b""
     for name, ((height, width), patches) in textures.items():
         offsets.append(offset + len(body))
@@ -58,15 +58,20 @@ def write_names(names: Sequence[str]) -> bytes:
     )
 
 
-def holed(height: int, width: int, seed: int) -> np.ndarray:
-    """int16[height, width] of random pixels with some holes."""
+def pixels_with_holes(height: int, width: int, seed: int) -> np.ndarray:
+    """int16[height, width]: random pixels with some holes."""
     draw = np.random.default_rng(seed)
     pixels = draw.integers(0, 256, (height, width)).astype(np.int16)
     pixels[draw.random((height, width)) < 0.3] = -1
     return pixels
 
 
-PATCH, POST, MONSTER, TURNED = holed(8, 6, 0), holed(12, 4, 1), holed(5, 3, 2), holed(4, 7, 3)
+PATCH, POST, MONSTER, TURNED = (
+    pixels_with_holes(8, 6, 0),
+    pixels_with_holes(12, 4, 1),
+    pixels_with_holes(5, 3, 2),
+    pixels_with_holes(4, 7, 3),
+)
 FLAT = np.arange(4096, dtype=np.uint8).reshape(64, 64)
 PALETTE = np.arange(768, dtype=np.uint8).reshape(256, 3)
 COLORMAP = np.arange(34 * 256, dtype=np.uint16).astype(np.uint8).reshape(34, 256)
@@ -74,7 +79,7 @@ WALL = {"WALL": ((16, 8), [(-2, 3, 0), (3, -4, 1), (2, 10, 0)]), "POLE": ((12, 4
 
 
 def small_lumps() -> list[tuple[str, bytes]]:
-    """Lumps with one of everything that the reader knows."""
+    """Lumps with one example of each kind that the reader knows."""
     sides = [write_picture(MONSTER + side % 2, side, 4) for side in range(4)]
     return [
         ("PLAYPAL", PALETTE.tobytes() * 2),

@@ -1,4 +1,4 @@
-"""Random maps and poses for the comparisons, drawn with a bias to what is hard."""
+"""Random maps and poses for the comparisons, biased towards hard cases."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ FIRST_WALL = 2
 
 @dataclasses.dataclass(frozen=True)
 class World:
-    """A map with doors, and poses in it.
+    """A map with doors and poses.
 
     Attributes:
-        walls: uint8[rows, columns] or uint8[4, rows, columns], ids from 2 or 0 where open.
+        walls: uint8[rows, columns] or uint8[4, rows, columns], ids from 2, or 0 where open.
         doors: int32[D, 2], (column, row).
         closed: bool[D].
         positions: float32[B, 2], each in an open tile.
@@ -36,7 +36,7 @@ class World:
         return solid_tiles(self.walls, self.doors, self.closed)
 
     def __repr__(self) -> str:
-        """Short: hypothesis prints it."""
+        """A short form, which Hypothesis prints."""
         rows, columns = self.walls.shape[-2:]
         return f"World({columns}x{rows}, {len(self.doors)} doors, {len(self.headings)} poses)"
 
@@ -54,14 +54,14 @@ def draw_world(
     """Draw a world of `shape` (rows, columns).
 
     Args:
-        seed: of everything.
+        seed: the seed of everything.
         shape: rows and columns.
-        bordered: whether the outermost tiles are all solid.
+        bordered: whether the border of the map is solid.
         faces: 1, or 4 for maps whose faces differ.
-        doors: how many there are, at most.
-        poses: how many there are.
-        exact: whether poses lie on grid lines, in corners, in tile centres, and within an ulp of
-            the next tile, and look along the axes and at multiples of 15 degrees.
+        doors: the largest number of doors.
+        poses: the number of poses.
+        exact: whether positions are on grid lines, in corners, in tile centres, and within an ulp
+            of the next tile, and headings along the axes and at multiples of 15 degrees.
     """
     rng = np.random.default_rng(seed)
     rows, columns = shape

@@ -14,7 +14,7 @@ from reliability import endurance
 
 
 @pytest.fixture(autouse=True)
-def _forget() -> Any:
+def _clear_caches() -> Any:
     yield
     jax.clear_caches()
 
@@ -25,7 +25,7 @@ SLOW = [
 
 
 @pytest.mark.parametrize("name", ["key-door", *SLOW])
-def test_a_little_endurance(name: str) -> None:
+def test_short_endurance_run(name: str) -> None:
     report = endurance.endure(name, 4000, batch=20)
     assert report.steps >= 4000
     assert report.problems == []
@@ -35,19 +35,19 @@ def test_a_little_endurance(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["key-door", "dmlab-static-01-respawn", "key-corridor-s3r1"])
-def test_a_little_endurance_with_every_operation_checked(name: str) -> None:
+def test_short_endurance_run_with_every_operation_checked(name: str) -> None:
     assert endurance.endure(name, 1000, batch=10, checked=True).problems == []
 
 
 @pytest.mark.slow
-def test_an_index_out_of_range_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_index_out_of_range_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(navigation, "sample_index", lambda bits, count: jnp.int32(count))
     jax.clear_caches()
     (problem,) = endurance.endure("simple", 100, batch=10, checked=True).problems
     assert "out-of-bounds" in problem
 
 
-def test_a_step_into_a_wall_and_a_nan_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_step_into_a_wall_and_nan_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """With collisions switched off, and NaN distances."""
 
     def walk(level: Any, closed: Any, position: Any, heading: Any, action: Any, params: Any) -> Any:

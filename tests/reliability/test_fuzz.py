@@ -25,7 +25,7 @@ SLOW = {"run": 15}
 @pytest.mark.parametrize(
     "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
 )
-def test_a_few_spoilt_inputs(name: str) -> None:
+def test_few_corrupted_inputs(name: str) -> None:
     if name in ("config", *SLOW):
         pytest.importorskip("flax")
         pytest.importorskip("matplotlib")
@@ -56,7 +56,7 @@ def judged(does: Callable[[], Any], **settings: Any) -> str:
     return attempt(target(does, **settings), Case({"a.txt": b"x"}), 0.2)
 
 
-def test_what_is_accepted_and_refused() -> None:
+def test_accepted_and_refused_inputs() -> None:
     assert judged(lambda: None) == ""
     refusal = judged(fail(SettingError("height must be 3, not 'x'")))
     assert skeleton(refusal) == "height must be N, not '..'"
@@ -78,12 +78,12 @@ def test_what_is_accepted_and_refused() -> None:
         (lambda: Path("a.txt").unlink(), AssertionError, "left files behind: .'a.txt'"),
     ],
 )
-def test_what_is_a_defect(does: Callable[[], Any], kind: type[Exception], words: str) -> None:
+def test_defects_are_recognised(does: Callable[[], Any], kind: type[Exception], words: str) -> None:
     with pytest.raises(kind, match=words):
         judged(does)
 
 
-def test_the_smallest_defect_is_kept(
+def test_smallest_defect_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def read(case: Case) -> None:
@@ -99,7 +99,7 @@ def test_the_smallest_defect_is_kept(
     assert 4 <= len((tmp_path / "ascii" / "a.txt").read_bytes()) <= 6
 
 
-def test_every_target_is_tried(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_target_is_tested(capsys: pytest.CaptureFixture[str]) -> None:
     assert {*CASES, *SLOW} == set(TARGETS)
     with pytest.raises(SystemExit):
         main(["--target", "nothing"])

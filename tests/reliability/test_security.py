@@ -30,7 +30,7 @@ MAP = "#####\n#S.G#\n#####"
 
 
 def dangers(tree: ast.AST) -> Iterator[str]:
-    """What of it a source uses."""
+    """The dangerous calls in a source."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names if name.name.split(".")[0] in MODULES)
@@ -65,7 +65,7 @@ def test_no_source_unpickles_or_evaluates() -> None:
         "np.load(f, allow_pickle=1)",
     ],
 )
-def test_the_search_finds_what_it_looks_for(text: str) -> None:
+def test_source_search_finds_forbidden_calls(text: str) -> None:
     assert list(dangers(ast.parse(text)))
 
 
@@ -85,7 +85,7 @@ class Watch:
         if event == "open" and isinstance(arguments[0], str | bytes | os.PathLike):
             path, mode, flags = os.fsdecode(arguments[0]), arguments[1], arguments[2]
             writes = (mode and set(mode) & set("wax+")) or (flags or 0) & (os.O_WRONLY | os.O_RDWR)
-            # What is compiled in tests is kept for other files.
+            # Programs compiled in tests are kept for other files.
             if writes and not Path(path).is_relative_to(os.environ["JAX_COMPILATION_CACHE_DIR"]):
                 self.seen.append(f"wrote {path}")
 
@@ -102,7 +102,7 @@ def watch(hook: Watch) -> Iterator[Watch]:
     hook.on = False
 
 
-def test_the_watch_sees(watch: Watch, tmp_path: Path) -> None:
+def test_watch_detects_writes_and_unpickling(watch: Watch, tmp_path: Path) -> None:
     watch.on = True
     (tmp_path / "x").write_text("")
     # Protocol 0: the class is looked up by its name.
@@ -111,7 +111,7 @@ def test_the_watch_sees(watch: Watch, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("plain_frames")
-def test_a_trajectory_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
+def test_reading_a_trajectory_touches_nothing_else(watch: Watch, tmp_path: Path) -> None:
     env, params = jaxenstein.from_ascii(MAP, height=8, width=8, name="../../evil")
     trajectory = record(env, params, [2, 0], seed=1).trajectory
     assert trajectory is not None
@@ -121,7 +121,7 @@ def test_a_trajectory_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> 
     assert watch.seen == []
 
 
-def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> None:
+def test_reading_a_checkpoint_touches_nothing_else(watch: Watch, tmp_path: Path) -> None:
     from jaxenstein.baselines.runs.checkpoints import Checkpoints
 
     state = {"a": np.arange(3), "b": np.ones((2, 2), np.float32)}
@@ -134,7 +134,7 @@ def test_a_checkpoint_is_read_and_nothing_else(watch: Watch, tmp_path: Path) -> 
     assert watch.seen == []
 
 
-def test_an_agent_is_read_and_nothing_else(watch: Watch) -> None:
+def test_reading_an_agent_touches_nothing_else(watch: Watch) -> None:
     pytest.importorskip("flax")
     from jaxenstein.baselines.runs.trained import HERE, load_trained
 
@@ -144,7 +144,7 @@ def test_an_agent_is_read_and_nothing_else(watch: Watch) -> None:
     assert watch.seen == []
 
 
-def test_a_link_is_replaced_and_not_what_it_leads_to(treasure: Path, tmp_path: Path) -> None:
+def test_writing_replaces_a_link_not_its_target(treasure: Path, tmp_path: Path) -> None:
     link(tmp_path / "map.json", treasure)
     with atomic(tmp_path / "map.json") as part:
         part.write_text("new")
@@ -164,7 +164,7 @@ def run(tmp_path: Path) -> Path:
     return folder.path
 
 
-PLACES = (
+RUN_PATHS = (
     *(".lock", "metrics.jsonl", "timing.jsonl", "checkpoints", "tensorboard", ".probe"),
     *("checkpoints/7.npz", "checkpoints/.0.npz.x.part", "tensorboard/seed-0"),
 )
@@ -172,7 +172,7 @@ PLACES = (
 
 @pytest.fixture
 def treasure(tmp_path: Path) -> Iterator[Path]:
-    """A folder and a file that nothing may touch."""
+    """A folder and a file that must not be touched."""
     folder = tmp_path / "treasure"
     folder.mkdir()
     (folder / "0").mkdir()
@@ -190,8 +190,8 @@ def link(path: Path, treasure: Path) -> None:
     path.symlink_to(treasure if "." not in path.name else treasure / "file")
 
 
-@pytest.mark.parametrize("name", PLACES)
-def test_links_out_of_a_run_are_not_followed(
+@pytest.mark.parametrize("name", RUN_PATHS)
+def test_links_out_of_a_run_folder_are_not_followed(
     run: Path, treasure: Path, watch: Watch, name: str
 ) -> None:
     """Neither for a resumed nor for a new run: the check precedes the first write."""
@@ -221,7 +221,7 @@ def test_links_out_of_a_run_are_not_followed(
         ("sweep", "summary.md"),
     ],
 )
-def test_commands_write_nothing_outside_of_their_folder(
+def test_commands_write_only_inside_their_folder(
     tmp_path: Path, treasure: Path, capsys: pytest.CaptureFixture[str], command: str, name: str
 ) -> None:
     pytest.importorskip("flax")
@@ -239,7 +239,7 @@ def test_commands_write_nothing_outside_of_their_folder(
     assert sorted(out.rglob("*")) == before
 
 
-def test_other_names_of_a_file_and_pipes_are_refused(run: Path, treasure: Path) -> None:
+def test_hard_links_and_pipes_are_refused(run: Path, treasure: Path) -> None:
     from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.training import train
 
@@ -252,7 +252,7 @@ def test_other_names_of_a_file_and_pipes_are_refused(run: Path, treasure: Path) 
         train(RunFolder.open(run))
 
 
-def test_links_within_a_run_are_followed(run: Path) -> None:
+def test_links_within_a_run_folder_are_followed(run: Path) -> None:
     from jaxenstein.baselines.runs.folder import RunFolder
 
     (run / "newest").symlink_to(run / "checkpoints")
@@ -290,7 +290,7 @@ def change(path: str, value: Any) -> Callable[[dict[str, Any]], None]:
         ("config.env", "../../evil"),
     ],
 )
-def test_the_configuration_of_a_run_is_looked_at(run: Path, path: str, value: Any) -> None:
+def test_run_config_is_checked(run: Path, path: str, value: Any) -> None:
     """Names of runs become names of folders, so they are restricted."""
     from jaxenstein.baselines.runs.folder import RunFolder
 
@@ -302,7 +302,7 @@ def test_the_configuration_of_a_run_is_looked_at(run: Path, path: str, value: An
         RunFolder.open(run)
 
 
-def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
+def test_yaml_aliases_are_refused(tmp_path: Path) -> None:
     """Ten lines could expand to a billion values."""
     pytest.importorskip("yaml")
     pytest.importorskip("flax")
@@ -315,7 +315,7 @@ def test_yaml_of_names_for_names_is_refused(tmp_path: Path) -> None:
         read_file(tmp_path / "c.yaml")
 
 
-def test_yaml_makes_no_objects(tmp_path: Path) -> None:
+def test_yaml_creates_no_objects(tmp_path: Path) -> None:
     pytest.importorskip("yaml")
     pytest.importorskip("flax")
     from jaxenstein.baselines.runs.options import read_file

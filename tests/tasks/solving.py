@@ -12,9 +12,9 @@ from jaxenstein.tasks.minigrid.world import GridWorld
 from jaxenstein.tasks.miniworld.rooms import BoxRooms
 from jaxenstein.tasks.miniworld.sign import Sign
 from tests.tasks.minigrid import search
-from tests.tasks.minigrid.search import flood, marked
+from tests.tasks.minigrid.search import flood, mask_of
 
-# Parts of a tile's side, where distances count; half the diagonal of one.
+# Parts per tile side for distances, and half the diagonal of a part.
 FINE, HALF = 4, 0.18
 
 
@@ -30,7 +30,7 @@ def solvable(env, params, states):
         walls = states.level.walls[:, 0]
         floor = (walls == 0) | np.isin(walls, DOOR_LABELS)
         if env.doors:
-            floor &= ~at(floor.shape, states.level.doors, states.closed)
+            floor &= ~mask_at(floor.shape, states.level.doors, states.closed)
         return all_reached(floor, states, states.things, states.left & states.good)
     if isinstance(env, MemoryMaze):
         return all_reached(states.level.walls[:, 0] == 0, states, states.things)
@@ -39,22 +39,22 @@ def solvable(env, params, states):
     return all_reached(states.level.walls[:, 0] == 0, states, states.goal[:, None])
 
 
-def at(shape, tiles, which):
-    """bool[shape], the (column, row) int[B, K, 2] of those that bool[B, K] names."""
-    return marked(shape, tiles[..., 0], tiles[..., 1], which)
+def mask_at(shape, tiles, which):
+    """bool[shape]: the (column, row) int[B, K, 2] that bool[B, K] selects."""
+    return mask_of(shape, tiles[..., 0], tiles[..., 1], which)
 
 
-def begins(states, shape):
-    """bool[shape], the tile of each start."""
+def start_tiles(states, shape):
+    """bool[shape]: the tile of each start."""
     cell = np.floor(states.position).astype(int)[:, None]
-    return at(shape, cell, np.ones(cell.shape[:2], bool))
+    return mask_at(shape, cell, np.ones(cell.shape[:2], bool))
 
 
 def all_reached(floor, states, places, which=None):
     """bool[B]: whether the tiles of float[B, K, 2] places, or some of them, can be walked to."""
     which = np.ones(places.shape[:2], bool) if which is None else which
-    seen = flood(floor, begins(states, floor.shape))
-    wanted = at(floor.shape, np.floor(places).astype(int), which)
+    seen = flood(floor, start_tiles(states, floor.shape))
+    wanted = mask_at(floor.shape, np.floor(places).astype(int), which)
     return which.any(axis=1) & ~(wanted & ~seen).any(axis=(1, 2))
 
 
@@ -71,15 +71,15 @@ def box_rooms(env, states):
 def key_corridor(states):
     """bool[B]: without the locked door to the key, and with it to the goal."""
     walls = states.level.walls[:, 0] == 0
-    # An absent door stands on the corner, where nobody gets.
-    every = at(walls.shape, states.level.doors, np.ones(states.locked.shape, bool))
-    shut = at(walls.shape, states.level.doors, states.locked)
+    # An absent door is in the corner of the map, which is unreachable.
+    every = mask_at(walls.shape, states.level.doors, np.ones(states.locked.shape, bool))
+    shut = mask_at(walls.shape, states.level.doors, states.locked)
     to_key = all_reached(walls | (every & ~shut), states, states.key[:, None])
     return to_key & all_reached(walls | every, states, states.goal[:, None])
 
 
 def sign(states, radius):
-    """bool[B]: whether what is meant can be touched without touching anything else before.
+    """bool[B]: whether the target can be touched without touching anything else before.
 
     On a grid of quarters of tiles, whose size all distances are off by.
     """
@@ -98,5 +98,5 @@ def sign(states, radius):
         near |= own & (distance < radius - HALF)
         away |= ~own & (distance < radius + HALF)
     fine = states.replace(position=states.position * FINE)
-    seen = flood(~walls & ~away, begins(fine, walls.shape))
+    seen = flood(~walls & ~away, start_tiles(fine, walls.shape))
     return (right.sum(axis=1) == 1) & (seen & near).any(axis=(1, 2))

@@ -17,7 +17,7 @@ from jaxenstein.tasks.maze_ways import sample_path
 
 IDS = ("goal-locations", "object-locations", "object-rewards")
 # Of things to take two kinds: one that pays, and several that pay or cost.
-TRIED = [
+MARKED_IDS = [
     pytest.param(name, marks=[pytest.mark.slow] * (name == "object-locations")) for name in IDS
 ]
 OBSTRUCTED = ("obstructed-goals", "obstructed-goals-large")
@@ -67,7 +67,7 @@ def check_levels(name, count):
         assert set(np.unique(walls)) <= {0, *range(DEFAULT_WALL, DEFAULT_WALL + rooms + 1)}
 
 
-@pytest.mark.parametrize("name", TRIED)
+@pytest.mark.parametrize("name", MARKED_IDS)
 def test_levels(name):
     check_levels(name, 256)
 
@@ -78,13 +78,13 @@ def test_thousands_of_levels(name):
     check_levels(name, 4096)
 
 
-def stand(states, places):
+def placed_at(states, places):
     return states.replace(position=jnp.asarray(places))
 
 
-@pytest.mark.parametrize("name", TRIED)
-def test_all_that_pays_begins_a_new_round(name):
-    """Thing after thing, in all of 64 levels, against a list kept on the host."""
+@pytest.mark.parametrize("name", MARKED_IDS)
+def test_new_round_begins_after_all_rewards(name):
+    """Take one thing after another in 64 levels, compared with a list on the host."""
     step = programs(name)[1]
     states = first_states(name, 64)
     pay = {"goal-locations": 10, "object-locations": 1, "object-rewards": 2}[name]
@@ -94,7 +94,7 @@ def test_all_that_pays_begins_a_new_round(name):
         # Close enough, and in no wall: things lie in the middle of tiles.
         before, near = states, states.things[:, number] + np.array([0.39, 0], np.float32)
         keys = jax.random.split(jax.random.key(number), 64)
-        after, reward, terminated, info = step(keys, stand(states, near), np.full(64, -1))
+        after, reward, terminated, info = step(keys, placed_at(states, near), np.full(64, -1))
         there = left[:, number] & np.asarray(before.there[:, number])
         good = np.asarray(before.good[:, number])
         np.testing.assert_array_equal(reward, np.where(there, np.where(good, pay, -1), 0))
@@ -111,7 +111,7 @@ def test_all_that_pays_begins_a_new_round(name):
             assert (after.left[i] == before.there[i]).all()
         states = states.replace(left=np.where(over[:, None], False, after.left))
         if name == "object-rewards":
-            # They lie elsewhere now, on places of the level.
+            # They are at other places of the level now.
             moved = [
                 cells(after.things[i]) != cells(before.things[i]) for i in np.flatnonzero(over)
             ]
@@ -122,8 +122,8 @@ def test_all_that_pays_begins_a_new_round(name):
     assert over.all()
 
 
-@pytest.mark.parametrize("name", TRIED)
-def test_the_expert_takes_what_pays(name):
+@pytest.mark.parametrize("name", MARKED_IDS)
+def test_expert_collects_rewards(name):
     env, params = task(name)
     states = programs(name)[0](jax.random.split(jax.random.key(5), 16))
     params = params.replace(max_steps_in_episode=jnp.int32(400))
@@ -170,13 +170,13 @@ def check_doors(name, count):
     assert 0.2 < np.mean(shares) < 0.5
 
 
-def test_doors_leave_a_way():
+def test_doors_leave_a_path():
     check_doors("obstructed-goals", 256)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OBSTRUCTED)
-def test_doors_leave_a_way_in_thousands(name):
+def test_doors_leave_a_path_in_thousands_of_levels(name):
     check_doors(name, 4096)
 
 
@@ -200,7 +200,7 @@ def digger(walkable, start, end, rng):
     raise AssertionError("there is no way")
 
 
-def test_random_paths_are_those_of_a_digger():
+def test_random_paths_match_a_digger():
     walkable = np.pad(np.ones((4, 4), bool), 1)
     walkable[2, 2] = walkable[3, 4] = False
     start, end = (1, 1), (4, 4)
@@ -218,12 +218,12 @@ def test_random_paths_are_those_of_a_digger():
     np.testing.assert_allclose(paths.mean(axis=0), wanted / count, atol=0.04)
 
 
-def test_closed_doors_stop_and_a_new_round_has_others():
+def test_closed_doors_block_and_change_each_round():
     states = first_states("obstructed-goals", 64)
     step = programs("obstructed-goals")[1]
     keys = jax.random.split(jax.random.key(1), 64)
     # At the goal: another round, with doors that leave a way to the new start.
-    after, reward, _, info = step(keys, stand(states, states.things[:, 0]), np.full(64, -1))
+    after, reward, _, info = step(keys, placed_at(states, states.things[:, 0]), np.full(64, -1))
     assert np.asarray(info["respawned"]).all()
     assert (np.asarray(reward) == 10).all()
     after = jax.device_get(after)
@@ -242,7 +242,7 @@ def test_closed_doors_stop_and_a_new_round_has_others():
         for (column, row), shut in zip(*doors_of(states, i), strict=True):
             if states.level.walls[i, 0, row, column - 1] == 0:
                 place = np.tile(np.array([column - 0.01, row + 0.5], np.float32), (64, 1))
-                east = stand(states, place).replace(heading=np.zeros(64, np.float32))
+                east = placed_at(states, place).replace(heading=np.zeros(64, np.float32))
                 moved = np.asarray(step(keys, east, np.full(64, 2))[0].position)[i, 0]
                 assert (moved > column) == (not shut)
                 seen.add(bool(shut))
@@ -250,7 +250,7 @@ def test_closed_doors_stop_and_a_new_round_has_others():
     assert seen == {True, False}
 
 
-def test_the_expert_finds_the_way_around_closed_doors():
+def test_expert_walks_around_closed_doors():
     env, params = task("obstructed-goals")
     states = programs("obstructed-goals")[0](jax.random.split(jax.random.key(5), 16))
     params = params.replace(max_steps_in_episode=jnp.int32(400))

@@ -1,4 +1,4 @@
-"""What a task that defines only what it must gets from `FirstPerson`."""
+"""What `FirstPerson` gives a task that defines only the required methods."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Bare(FirstPerson[State, Params]):
         return Scene(LEVEL, jnp.ones(1, bool), state.position, state.heading, nothing, THEME)
 
 
-def test_its_map_is_that_of_the_scene() -> None:
+def test_default_map_matches_the_scene() -> None:
     env = Bare(height=8, width=8)
     _, state = env.reset(jax.random.key(0))
     found = env.tilemap_of(state)
@@ -63,7 +63,7 @@ def test_its_map_is_that_of_the_scene() -> None:
     assert env.map_size == (6, 3)
 
 
-def test_a_dict_without_variables_is_the_image_alone() -> None:
+def test_dict_without_variables_has_only_the_image() -> None:
     plain, named = (Bare(height=8, width=8, observation=kind) for kind in ("rgb", "dict"))
     image, state = plain.reset(jax.random.key(0))
     obs, same = named.reset(jax.random.key(0))
@@ -77,7 +77,7 @@ def test_a_dict_without_variables_is_the_image_alone() -> None:
 
 
 @pytest.mark.parametrize("name", ["keys", "items", "pop"])
-def test_variables_are_not_called_as_functions_of_dictionaries(name: str) -> None:
+def test_variable_names_must_not_be_dict_methods(name: str) -> None:
     class Named(Bare):
         def variable_spaces(self) -> dict[str, Box]:
             return {name: Box(0.0, 1.0, (1,), np.dtype(np.float32))}

@@ -28,7 +28,7 @@ def layouts(states):
     return [tuple(leaf[i].tobytes() for leaf in parts) for i in range(len(states.key))]
 
 
-def test_levels_are_those_of_their_seeds():
+def test_levels_match_their_seeds():
     first = 4_000_000_000
     env, few = first_states(300, levels=(first, first + 2))
     seen = layouts(few)
@@ -42,7 +42,7 @@ def test_levels_are_those_of_their_seeds():
     assert not jaxenstein.make(NAME, levels=(3, 4))[0].about().generated
 
 
-def test_a_layout_seed_is_a_range_of_one():
+def test_layout_seed_equals_a_range_of_one():
     seed = 2**32 - 1
     assert layouts(first_states(2, layout_seed=seed)[1]) == layouts(
         first_states(2, levels=(seed, seed + 1))[1]
@@ -64,13 +64,13 @@ def test_levels_do_not_depend_on_the_kind_of_generator():
         assert jnp.array_equal(states[0].key, other.key)
 
 
-def test_equal_levels_make_equal_environments_and_recipes():
+def test_equal_levels_make_equal_environments_and_specs():
     one, params = jaxenstein.make(NAME, levels=range(3, 6))
     assert one == jaxenstein.make(NAME, levels=[3, 6])[0]
     assert spec_of(one, params).build()[0] == dataclasses.replace(one, autoreset=None)
 
 
-def test_closed_doors_are_found_by_their_places() -> None:
+def test_closed_doors_are_found_by_position() -> None:
     tilemap = parse_ascii("######\n#SrRb#\n#..BG#\n######", "doors", goal_required=False)
     places = [(door.column, door.row) for door in tilemap.doors]
     assert len(places) == 2

@@ -64,7 +64,7 @@ def pick(tree, *index):
 
 
 class Oracle:
-    """The rules in Python numbers. It is told where new medkits appear."""
+    """The rules in Python numbers, given the positions of new medkits."""
 
     def __init__(self, state):
         self.position = np.array(state.position, np.float64)
@@ -106,7 +106,7 @@ class Oracle:
 
 
 def follow(start, states, outcomes, actions):
-    """Check a rollout against the oracle until the death; the medkits taken and whether dead."""
+    """Compare a rollout with the oracle until death; return the medkits taken and whether dead."""
     oracle = Oracle(start)
     taken = 0
     for t, action in enumerate(actions):
@@ -127,7 +127,7 @@ def follow(start, states, outcomes, actions):
     return taken, False
 
 
-def test_random_episodes_follow_the_rules():
+def test_random_episodes_match_a_slow_computation():
     params = task()[1]
     rng = np.random.default_rng(0)
     # Long runs ahead, so that medkits are met.
@@ -177,9 +177,9 @@ def first_state():
 
 
 def pile(count, offset=(0.0, 0.0), places=None, **fields):
-    """A state with medkits on one spot, given from where a step ahead leads, and no others."""
+    """A state with medkits at one point, relative to the end of a step forward, and no others."""
     spot = np.array([20.15, 20]) + offset
-    # Every other place, so that the order is not that of the places in use.
+    # Every other slot, so that the order differs from that of the used slots.
     present = np.zeros(CAPACITY, bool)
     present[range(1, 2 * count, 2) if places is None else places] = True
     medkits = np.where(present[:, None], spot, 30).astype(np.float32)
@@ -228,13 +228,13 @@ def test_medkits_in_several_words_of_bits_are_taken_in_order():
 
 
 @pytest.mark.parametrize("action", [LEFT, RIGHT, -1, 3])
-def test_only_forward_takes(action):
+def test_only_forward_takes_medkits(action):
     state, *_, info = step(pile(3, health=28), action)
     assert (int(state.health), int(info["took_medkit"])) == (28, 0)
     assert int(state.present.sum()) == 3
 
 
-def test_forward_against_the_wall_takes():
+def test_forward_against_a_wall_takes_medkits():
     before = pile(1, (18.7, 0), health=28).replace(position=jnp.array([38.95, 20], jnp.float32))
     state, *_ = step(before, AHEAD)
     np.testing.assert_array_equal(state.position, before.position)
@@ -243,16 +243,16 @@ def test_forward_against_the_wall_takes():
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_the_box_of_reach(axis, sign):
+def test_pickup_range_is_a_box(axis, sign):
     for distance, taken in ((REACH - 0.001, 1), (REACH + 0.001, 0)):
-        # In a corner of the box, to tell it from a disc.
+        # In a corner of the box, to distinguish it from a disc.
         offset = np.full(2, REACH - 0.01)
         offset[axis] = sign * distance
         *_, info = step(pile(1, offset, health=28), AHEAD)
         assert int(info["took_medkit"]) == taken
 
 
-def test_damage_comes_before_the_medkits():
+def test_damage_comes_before_medkits():
     full, *_, info = step(pile(3, health=100, time=31), AHEAD)
     assert (int(full.health), int(info["took_medkit"])) == (100, 1)
     # Death comes before the medkit at one's feet.
@@ -277,7 +277,7 @@ def chi_square(counts, expected):
     return float(((counts - expected) ** 2 / expected).sum())
 
 
-def test_places_are_uniform():
+def test_medkit_positions_are_uniform():
     env, params, _ = task()
     params = env.check_params(params)
     keys = jax.random.split(jax.random.key(5), 600)
@@ -305,7 +305,7 @@ def test_places_are_uniform():
 HEALTHS = (0, 1, 3, 8, 28, 30, 31, 53, 60, 61, 92, 98, 100)
 
 
-def test_strip_shows_the_health():
+def test_hud_shows_health():
     size = {"width": 22, "observation": "dict"}
     env, params = jaxenstein.make("health-gathering", height=12, hud=True, **size)
     plain, _ = jaxenstein.make("health-gathering", height=8, **size)
@@ -331,7 +331,7 @@ def test_strip_shows_the_health():
         assert (strip[1:-1, 1 + count : -1] == EMPTY).all()
 
 
-def test_strip_of_grays():
+def test_hud_in_gray():
     env, params = jaxenstein.make(
         "health-gathering", height=12, width=22, hud=True, observation="gray"
     )

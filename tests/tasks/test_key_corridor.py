@@ -74,7 +74,7 @@ def test_layouts_keep_the_rules(name):
 
 
 def exact_door_counts(rows):
-    """Chances of each number of unlocked doors, door after door added until all is connected."""
+    """Probabilities of numbers of unlocked doors, which are added until all is connected."""
     counts = {}
     for locked in range(rows):
         rooms = {(side, row) for side in (0, 1) for row in range(rows)} | {"hall"}
@@ -102,7 +102,7 @@ def chances(left, doors, needed):
 
 
 @pytest.mark.parametrize("name", ["key-corridor-s3r1", "key-corridor-s3r2", "key-corridor-s3r3"])
-def test_numbers_of_doors_are_as_frequent_as_they_should_be(name):
+def test_number_of_doors_has_the_right_distribution(name):
     rows = int(name[-1])
     expected = exact_door_counts(rows)
     if rows == 3:
@@ -158,7 +158,7 @@ def before_the_locked_door(state):
     return state.replace(position=jnp.asarray(place), heading=jnp.float32(0))
 
 
-def test_the_locked_door_needs_the_key():
+def test_locked_door_needs_the_key():
     _, step, state = stepper()
     state = before_the_locked_door(state)
     after, _, _, info = step(state, jnp.int32(INTERACT))
@@ -168,14 +168,14 @@ def test_the_locked_door_needs_the_key():
     np.testing.assert_array_equal(after.opened, state.locked)
     assert bool(info["opened_door"])
     assert float(reward) == 0
-    # What is open stays so, and lets the agent through.
+    # An open door stays open and lets the agent through.
     for _ in range(12):
         after, _, _, info = step(after, jnp.int32(2))
         assert not bool(info["opened_door"])
     assert float(after.position[0]) > float(state.position[0]) + 1
 
 
-def test_an_unlocked_door_needs_none():
+def test_unlocked_door_needs_no_key():
     _, step, state = stepper()
     doors = state.level.doors - state.level.margin
     west = next(i for i in range(3) if doors[i, 0] > 0)
@@ -185,7 +185,7 @@ def test_an_unlocked_door_needs_none():
     assert np.flatnonzero(after.opened).tolist() == [west]
 
 
-def test_the_key_is_picked_up_once_and_the_goal_ends():
+def test_key_is_picked_up_once_and_goal_ends_the_episode():
     env, step, state = stepper()
     over = state.replace(position=jnp.asarray(state.key))
     after, _, terminated, info = step(over, jnp.int32(-1))
@@ -200,7 +200,7 @@ def test_the_key_is_picked_up_once_and_the_goal_ends():
     assert (float(reward), bool(terminated), bool(info["reached_goal"])) == (1, True, True)
 
 
-def test_the_key_is_seen_in_its_colour_until_it_is_taken():
+def test_key_is_visible_in_its_colour_until_taken():
     env, params = task("key-corridor", observation="labels")
     states = first_states("key-corridor", 40)
     # Within the key's tile, looking east at it.
@@ -236,7 +236,7 @@ def layout(text: str = DRAWN, heading: float = 0.0) -> Any:
     return from_tilemap(tilemap, np.add(tilemap.spawns[0], 0.5), math.radians(heading))
 
 
-def test_a_right_layout_breaks_no_rule() -> None:
+def test_valid_layout_breaks_no_rule() -> None:
     assert broken_rules(layout()) == []
 
 

@@ -1,4 +1,4 @@
-"""Looks of a world: what differs between them, and what does not."""
+"""Looks of a world: their differences and what they share."""
 
 from __future__ import annotations
 
@@ -81,11 +81,11 @@ def test_looks_differ_in_colours_alone(images: dict[str, np.ndarray]) -> None:
     assert np.abs(luma - images["random gray"]).max() <= 1
 
 
-def test_the_range_begins_at_the_patterned_look(images: dict[str, np.ndarray]) -> None:
+def test_range_begins_at_the_patterned_look(images: dict[str, np.ndarray]) -> None:
     np.testing.assert_array_equal(images["patterned"], images["no range"])
 
 
-def test_the_range_bounds_colours_and_patterns() -> None:
+def test_range_bounds_colours_and_patterns() -> None:
     theme = made()[0].theme  # type: ignore[attr-defined]
     own, walls = patterned(theme).wall_colours, slice(2, DOOR_LABELS.start)
     seeds = np.arange(64, dtype=np.uint32)
@@ -117,7 +117,7 @@ def test_colours_are_drawn_uniformly_and_doors_keep_theirs() -> None:
         np.testing.assert_array_equal(table, np.broadcast_to(own, table.shape))
 
 
-def test_seeds_of_looks_are_held_to() -> None:
+def test_look_seeds_limit_the_looks() -> None:
     few = begun(64, look="random", look_seeds=(5, 8))
     assert set(few.look.tolist()) == {5, 6, 7}
     one = begun(4, "key-corridor-s3r1", look="random", look_seeds=range(9, 10), levels=(0, 1))
@@ -127,8 +127,8 @@ def test_seeds_of_looks_are_held_to() -> None:
 
 
 @pytest.mark.parametrize("id", ["simple", "key-corridor-s3r1"])
-def test_an_episode_keeps_its_look_and_the_next_has_another(id: str) -> None:
-    """Where all of a batch are drawn if one is, and where those alone that need it."""
+def test_each_episode_has_its_own_look(id: str) -> None:
+    """With resets of the whole batch, and with resets of only the members that need one."""
     env, params = made(id, look="random")
     limit = params.replace(max_steps_in_episode=3)
     step = jax.jit(jax.vmap(functools.partial(outcome_of, env), (0, 0, 0, 0, None)))
@@ -147,7 +147,7 @@ def test_doom_has_one_look() -> None:
         made("doom-basic", look="random")
 
 
-def test_a_state_without_a_look_is_told() -> None:
+def test_state_without_a_look_is_refused() -> None:
     env, params = made(look="random")
     with pytest.raises(SettingError, match="a state from reset or first_state"):
         env.observe(env.init_state(jax.random.key(0), params), params)

@@ -19,7 +19,7 @@ from jaxenstein.tasks.maze import Maze, _subset
 from jaxenstein.tasks.steering import FORWARD, INTERACT
 
 FLOOR = ".aS@G"
-AWAY = 10
+LEAST_STEPS = 10
 EAST = jnp.float32(0)
 
 
@@ -83,7 +83,7 @@ def is_plausible(counts, expected):
 
 
 @pytest.mark.parametrize("number", ["01", "02", "03"])
-def test_random_goals_and_starts_far_away(number):
+def test_random_goals_are_far_from_starts(number):
     name = f"dmlab-random-goal-{number}"
     starts, goals, apples = drawn(name)
     allowed = cells(name, "a@")
@@ -94,7 +94,7 @@ def test_random_goals_and_starts_far_away(number):
     )
     chance = dict.fromkeys(possible, 0.0)
     for goal in possible:
-        far = [cell for cell, steps in distances(name, goal).items() if steps >= AWAY]
+        far = [cell for cell, steps in distances(name, goal).items() if steps >= LEAST_STEPS]
         far = allowed.intersection(far)
         for cell in far:
             chance[cell] += 1 / len(far) / len(possible)
@@ -122,12 +122,12 @@ def test_drawn_apples_are_distinct_and_not_on_the_goal(number, count):
     freedom = len(allowed) - 1
     assert square < freedom + 5 * np.sqrt(2 * freedom)
     for start, goal in set(zip(starts[:200], goals[:200], strict=True)):
-        assert distances(name.removesuffix("-respawn"), goal)[start] >= AWAY
+        assert distances(name.removesuffix("-respawn"), goal)[start] >= LEAST_STEPS
 
 
 @pytest.mark.parametrize("suffix", ["", "-respawn"])
 @pytest.mark.parametrize("number", ["01", "02", "03"])
-def test_static_mazes_are_those_of_the_layout(number, suffix):
+def test_static_mazes_match_the_layout(number, suffix):
     name = f"dmlab-static-{number}"
     env, _ = task(name + suffix)
     (goal,) = cells(name, "G")
@@ -138,7 +138,7 @@ def test_static_mazes_are_those_of_the_layout(number, suffix):
     assert set(goals) == {goal}
     assert all(row == list(env.apple_cells) for row in apples)
     steps = distances(name, goal)
-    far = sorted(cell for cell in cells(name, "S@") if steps[cell] >= AWAY)
+    far = sorted(cell for cell in cells(name, "S@") if steps[cell] >= LEAST_STEPS)
     assert set(starts) <= set(far)
     assert is_plausible([starts.count(cell) for cell in far], [4000 / len(far)] * len(far))
 
@@ -199,12 +199,12 @@ def test_the_goal_moves_the_agent_to_a_new_start():
         assert int(after.goal) == int(before.goal)
         start = tuple(np.floor(np.array(after.position)).astype(int).tolist())
         assert start in cells(NAME, "S@")
-        assert steps[start] >= AWAY
+        assert steps[start] >= LEAST_STEPS
         starts.add((*start, float(after.heading)))
     assert len(starts) > 30
 
 
-def test_respawning_is_truncated_when_time_is_up():
+def test_respawning_maze_is_truncated_at_the_time_limit():
     _, params = task(NAME + "-respawn")
     assert int(params.max_steps_in_episode) == 1800
     step, state = stepper(NAME + "-respawn")
@@ -214,7 +214,7 @@ def test_respawning_is_truncated_when_time_is_up():
         assert (bool(after.done), bool(terminated)) == (done, False)
 
 
-def test_an_apple_counts_once():
+def test_apple_counts_once():
     env, params = task(NAME + "-respawn")
     step, state = stepper(NAME + "-respawn")
     index, apple = next(
@@ -237,7 +237,7 @@ def test_an_apple_counts_once():
     np.testing.assert_array_equal(np.array(scene.sprites.position)[hidden], [np.add(apple, 0.5)])
 
 
-def test_an_apple_on_a_start_is_eaten_at_once():
+def test_apple_on_the_start_is_eaten_at_once():
     step, state = stepper(NAME + "-respawn")
     column, row = min(cells(NAME, "@"))
     state = state.replace(position=jnp.array([column + 0.5, row + 0.5], jnp.float32))
@@ -245,7 +245,7 @@ def test_an_apple_on_a_start_is_eaten_at_once():
     assert (float(reward), int(info["ate_apple"])) == (1, 1)
 
 
-def test_an_apple_beside_the_goal_counts_in_the_same_step():
+def test_apple_beside_the_goal_counts_in_the_same_step():
     name = "dmlab-random-goal-01-respawn"
     env, params = task(name)
     _, state = stepper(name)

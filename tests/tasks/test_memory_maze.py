@@ -76,7 +76,7 @@ def test_thousands_of_levels(size):
     ("action", "turned", "walked"),
     [(-1, 0, 0), (0, 0, 0), (1, 0, 1), (2, -1, 0), (3, 1, 0), (4, -1, 1), (5, 1, 1)],
 )
-def test_actions_turn_and_walk_at_once(action, turned, walked):
+def test_actions_turn_and_walk_together(action, turned, walked):
     step, state = stepper()
     thing = state.things[state.wanted]
     state = state.replace(heading=jnp.float32(1.0))
@@ -90,7 +90,7 @@ def test_actions_turn_and_walk_at_once(action, turned, walked):
     assert (thing == after.things[state.wanted]).all()
 
 
-def test_what_is_asked_for_pays_and_then_another_is():
+def test_target_pays_and_then_changes():
     step, state = stepper()
     many = jax.vmap(step, (0, None, None))
     for wanted in range(3):
@@ -115,7 +115,7 @@ def test_what_is_asked_for_pays_and_then_another_is():
 @pytest.mark.parametrize(
     "kind", ["rgb", *(pytest.param(k, marks=pytest.mark.slow) for k in ("gray", "labels", "depth"))]
 )
-def test_the_frame_has_the_colour_of_what_is_asked_for(kind):
+def test_frame_border_has_the_colour_of_the_target(kind):
     env, params = task(9, observation=kind)
     _, state = stepper()
     draw = jax.vmap(lambda i: env.draw(state.replace(wanted=i), params, kind))

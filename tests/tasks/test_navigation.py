@@ -107,7 +107,7 @@ class Oracle:
     action=st.integers(-1, 5),
     move=st.sampled_from([0.15, 0.45, 0.9]),
 )
-def test_one_step_agrees_with_the_oracle(data, cell, inside, heading, action, move):
+def test_step_matches_the_oracle(data, cell, inside, heading, action, move):
     env, params, step = house()
     params = params.replace(move_distance=move)
     doors, keys = len(env.tilemap.doors), len(env.tilemap.keys)
@@ -154,14 +154,14 @@ def follow(env, params, heading, actions):
     return trace
 
 
-def test_key_door_is_solved_only_with_the_key():
+def test_key_door_needs_the_key():
     env, params = jaxenstein.make("key-door", **SETTINGS)
     walk = [FORWARD] * 20 + [INTERACT] + [FORWARD] * 40
     trace = follow(env, params, 0.0, walk)
     ends = [t for t, (_, _, terminated, _) in enumerate(trace) if terminated]
     picked = [t for t, (*_, info) in enumerate(trace) if info["picked_key"]]
     opened = [t for t, (*_, info) in enumerate(trace) if info["opened_door"]]
-    # The key is two tiles away less the radius, the goal eight: 0.15 tile a step.
+    # The key is two tiles minus the radius away, and the goal eight, at 0.15 tiles per step.
     assert picked == [math.ceil((2 - 0.35) / 0.15) - 1]
     assert opened == [20]
     assert len(ends) > 0
@@ -173,7 +173,7 @@ def test_key_door_is_solved_only_with_the_key():
     assert not state.opened.any()
 
 
-def test_a_key_opens_the_doors_of_its_colour_alone():
+def test_key_opens_only_doors_of_its_colour():
     """The red door is in the north and the blue one in the south of the red key."""
     text = "#####\n##G##\n##R##\n#Srb#\n##B##\n##.##\n#####"
     env, params = jaxenstein.from_ascii(text, **SETTINGS)

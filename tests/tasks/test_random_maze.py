@@ -57,7 +57,7 @@ def test_thousands_of_mazes_keep_the_rules(plan):
     check(plan, 4096)
 
 
-def test_rectangles_are_as_likely_as_in_the_original():
+def test_rectangles_have_the_probabilities_of_the_original():
     """Against the rule in words: draw a short side, then lengthen one of the two."""
     plan = MazePlan(15, 6)
     masks, weights = _rectangles(plan)
@@ -77,19 +77,19 @@ def test_rectangles_are_as_likely_as_in_the_original():
     assert ((got - expected) ** 2 / expected).sum() < len(masks) + 5 * np.sqrt(2 * len(masks))
 
 
-def slowly_straightened(corridor, wall):
+def straightened_step_by_step(corridor, wall):
     """The rule step by step, one cell after another."""
     corridor, wall = corridor.copy(), wall.copy()
     size, bend = len(corridor), 1
     while bend + 3 < size:
         removed = any(
-            pulled(corridor, wall, (r, c), bend) for r in range(size) for c in range(size)
+            pulled_straight(corridor, wall, (r, c), bend) for r in range(size) for c in range(size)
         )
         bend = 1 if removed and bend != 1 else bend + 1
     return corridor
 
 
-def pulled(corridor, wall, place, bend):
+def pulled_straight(corridor, wall, place, bend):
     """Whether a detour begins at a place; it is pulled as far as it goes."""
     found = False
     while way := next(
@@ -121,8 +121,8 @@ def fits(corridor, wall, place, bend, way):
     return all_of(wall, [*walls, (-2, 1), (bend + 1, 1)]) and all_of(corridor, ways)
 
 
-def test_straightening_is_the_slow_rule():
-    """On loops, trees and noise, with doorways that are neither way nor wall."""
+def test_straightening_matches_the_slow_rule():
+    """On loops, trees and noise, with doorways that are neither corridor nor wall."""
     rng = np.random.default_rng(1)
     grids, stones = [], []
     for number in range(60):
@@ -135,7 +135,7 @@ def test_straightening_is_the_slow_rule():
         grids.append(lattice)
         stones.append(~lattice & ~doors)
     mine = np.asarray(jax.jit(jax.vmap(straighten))(np.stack(grids), np.stack(stones)))
-    slow = np.stack([slowly_straightened(g, s) for g, s in zip(grids, stones, strict=True)])
+    slow = np.stack([straightened_step_by_step(g, s) for g, s in zip(grids, stones, strict=True)])
     np.testing.assert_array_equal(mine, slow)
     assert (slow != np.stack(grids)).any(axis=(1, 2)).sum() > 10
 
@@ -149,6 +149,6 @@ def test_straightening_is_the_slow_rule():
         ((11, 4, 3, 5, 5), "fewest must be a whole number from 1 to 4"),
     ],
 )
-def test_plans_without_mazes_are_refused(numbers, message):
+def test_impossible_plans_are_refused(numbers, message):
     with pytest.raises(SettingError, match=message):
         MazePlan(*numbers)

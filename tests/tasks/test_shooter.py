@@ -1,4 +1,4 @@
-"""Shooters of one's own: their maps, what may be taken, and how they are won and lost."""
+"""Custom shooters: maps, pickups, wins and losses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEN = "#########\n#S....z.#\n#########"
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_outline_of_a_map_encloses_its_open_tiles(seed: int) -> None:
+def test_outline_encloses_the_open_tiles(seed: int) -> None:
     """Against the way by which the maps of the game become tiles, which also checks the sides."""
     solid = np.random.default_rng(seed).random((9, 12)) < 0.4
     walls = outline(solid, 64)
@@ -43,7 +43,7 @@ def test_the_outline_of_a_map_encloses_its_open_tiles(seed: int) -> None:
     padded = np.pad(~solid, 1).astype(int)
     borders = np.abs(np.diff(padded, axis=0)).sum() + np.abs(np.diff(padded, axis=1)).sum()
     assert sum(abs(w.x1 - w.x0) + abs(w.y1 - w.y0) for w in walls) == 64 * borders
-    # Each is as long as it goes: no other one goes on where it ends.
+    # Each is as long as possible: no other one continues at its end.
     starts, ends = ({p[i : i + 2] for p in map(_points, walls)} for i in (0, 2))
     straight = [
         (one, other)
@@ -63,7 +63,7 @@ def _way(wall: Any) -> tuple[int, int]:
     return int(np.sign(wall.x1 - wall.x0)), int(np.sign(wall.y1 - wall.y0))
 
 
-def test_every_monster_of_a_map_has_a_kind_and_pictures() -> None:
+def test_every_monster_symbol_has_a_kind_and_pictures() -> None:
     rows = [thing for thing in THINGS if thing.role == "monster"]
     assert {thing.symbols for thing in rows} == set(KINDS)
     for thing in rows:
@@ -83,12 +83,12 @@ def test_every_monster_of_a_map_has_a_kind_and_pictures() -> None:
         (3, "not int"),
     ],
 )
-def test_maps_that_are_none(text: Any, message: str) -> None:
+def test_invalid_maps_are_refused(text: Any, message: str) -> None:
     with pytest.raises(MapError, match=f"(?s){message}"):
         Shooter(text=text)
 
 
-def test_monsters_have_no_place_in_other_maps() -> None:
+def test_monsters_are_refused_in_other_maps() -> None:
     with pytest.raises(
         MapError, match=r"line 1, column 3: 'z' \(zombie\) is only allowed in shooters"
     ):
@@ -97,7 +97,7 @@ def test_monsters_have_no_place_in_other_maps() -> None:
         Shooter(text="Sz#G")
 
 
-def test_settings_that_cannot_be() -> None:
+def test_impossible_settings_are_refused() -> None:
     with pytest.raises(SettingError, match="a kind for 'x', which is not one of the symbols 'z'"):
         Shooter(text=DEN, monsters={"x": KINDS["z"]})
     with pytest.raises(SettingError, match="ammo must be a whole number from 0"):
@@ -121,7 +121,7 @@ def lane() -> Any:
     return env, state, lambda state: play(state, [env.index_of("forward")] * 110)
 
 
-def test_where_one_starts_and_what_stands_there(lane: Any) -> None:
+def test_initial_state_matches_the_map(lane: Any) -> None:
     env, state, _ = lane
     # The second column and row of five, from the south-western corner.
     assert (np.asarray(state.fixed_position) / ONE).tolist() == [96, 3.5 * 64]
@@ -134,7 +134,7 @@ def test_where_one_starts_and_what_stands_there(lane: Any) -> None:
     assert (env.goal_part.places / ONE / 64).tolist() == [[8.5, 3.5]]
 
 
-def test_supplies_are_taken_where_the_boxes_meet_and_the_goal_ends(lane: Any) -> None:
+def test_touching_takes_supplies_and_goal_ends_the_episode(lane: Any) -> None:
     _, state, run = lane
     hurt = state.replace(health=jnp.int32(90))
     reward, ends, info, after = run(hurt)
@@ -151,7 +151,7 @@ def test_supplies_are_taken_where_the_boxes_meet_and_the_goal_ends(lane: Any) ->
     assert reward[: won + 1].tolist() == [0] * won + [10]
 
 
-def test_what_is_not_needed_is_left(lane: Any) -> None:
+def test_unneeded_supplies_stay(lane: Any) -> None:
     env, state, run = lane
     full = state.replace(trigger=state.trigger.replace(ammo=jnp.int32(env.most_ammo)))
     _, _, info, after = run(full)
@@ -166,7 +166,7 @@ def den() -> Any:
     return opened(DEN)
 
 
-def test_without_a_goal_the_last_kill_wins(den: Any) -> None:
+def test_last_kill_wins_without_a_goal(den: Any) -> None:
     env, state, play = den
     weak = state.replace(monsters=state.monsters.replace(health=jnp.ones(1, jnp.int32)))
     reward, ends, info, _ = play(weak, [env.index_of("attack")] * 150)
@@ -176,7 +176,7 @@ def test_without_a_goal_the_last_kill_wins(den: Any) -> None:
     assert (int(info["killed"][4]), bool(info["success"][4]), int(info["ammo"][4])) == (1, True, 49)
 
 
-def test_who_stands_still_dies_and_does_not_win(den: Any) -> None:
+def test_idle_player_dies_and_does_not_win(den: Any) -> None:
     _, state, play = den
     awake = state.monsters.replace(alarmed=jnp.ones(1, bool))
     state = state.replace(health=jnp.int32(1), monsters=awake)
@@ -199,7 +199,7 @@ def test_params_change_health_of_monsters(den: Any) -> None:
     assert env.first_state(jax.random.key(0), params.replace(monster_health=0)).monsters.living
 
 
-def test_a_monster_ahead_is_seen() -> None:
+def test_monster_ahead_is_visible() -> None:
     env = Shooter(text=DEN, heading=0, observation="labels", height=48, width=64)
     obs, _ = env.reset(jax.random.key(0), env.check_params())
     # Its trunk, straight ahead and just below the eye; the walls on either side are nearer.
@@ -207,7 +207,7 @@ def test_a_monster_ahead_is_seen() -> None:
     assert (np.asarray(obs)[:, [0, 63]] != ZOMBIE.label).all()
 
 
-def test_looks_are_drawn_as_on_other_maps() -> None:
+def test_random_looks_work_as_on_other_maps() -> None:
     env = Shooter(text=DEN, heading=0, look="random", height=24, width=32)
     reset = jax.jit(jax.vmap(lambda key: env.reset(key, env.check_params())))
     obs, states = reset(jax.random.split(jax.random.key(0), 3))
@@ -231,7 +231,7 @@ def gallery() -> Any:
     return state.replace(monsters=strong), lambda state: play(state, actions)
 
 
-def test_a_rocket_flies_hits_and_hurts_all_around_but_not_behind_walls(gallery: Any) -> None:
+def test_rocket_damages_everything_around_but_not_behind_walls(gallery: Any) -> None:
     state, play = gallery
     _, _, info, after = play(state)
     rockets, health, own = after.rockets, after.monsters.health, after.health
@@ -256,7 +256,7 @@ def test_a_rocket_flies_hits_and_hurts_all_around_but_not_behind_walls(gallery: 
     assert (own[: tic + 1] == 100).all()
 
 
-def test_who_fires_at_a_wall_nearby_is_hurt(gallery: Any) -> None:
+def test_rocket_at_a_near_wall_hurts_the_player(gallery: Any) -> None:
     state, play = gallery
     _, _, info, after = play(state.replace(angle=jnp.uint32(1 << 31)))
     rockets, own = after.rockets, after.health

@@ -10,7 +10,7 @@ import jaxenstein
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.players import play, player_of
 from jaxenstein.tasks.minigrid.world import GridWorld
-from tests.tasks.minigrid.search import check_laid
+from tests.tasks.minigrid.search import check_placement
 from tests.tasks.solving import solvable
 
 FAMILIES = (
@@ -32,7 +32,7 @@ LEVELS = 4096
 PLANNED = 64
 
 
-def test_no_generated_environment_is_left_out() -> None:
+def test_every_generated_environment_is_tested() -> None:
     generated = {name for name in ENTRIES if jaxenstein.make(name)[0].about().generated}
     assert generated <= set(IDS)
     assert len(generated) >= 88
@@ -40,7 +40,7 @@ def test_no_generated_environment_is_left_out() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
-def test_thousands_of_levels_can_be_solved(name) -> None:
+def test_thousands_of_levels_are_solvable(name) -> None:
     env: Any
     env, params = jaxenstein.make(name, height=8, width=8)
     params = env.check_params(params)
@@ -50,12 +50,12 @@ def test_thousands_of_levels_can_be_solved(name) -> None:
     assert good.shape == (LEVELS,)
     assert good.all(), f"{(~good).sum()} of {LEVELS} cannot be solved"
     if isinstance(env, GridWorld):
-        check_laid(env, states)
+        check_placement(env, states)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in IDS if n.startswith("minigrid-")])
-def test_the_planner_solves_levels(name) -> None:
+def test_planner_solves_levels(name) -> None:
     env, params = jaxenstein.make(name, height=8, width=8)
     keys = jax.random.split(jax.random.key(5), PLANNED)
     states = jax.vmap(lambda key: env.init_state(key, params))(keys)

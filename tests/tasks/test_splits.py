@@ -1,4 +1,4 @@
-"""Levels held out by content: both sides of a split against sets of levels on the host."""
+"""Levels held out by content: both splits compared with sets of levels on the host."""
 
 import dataclasses
 import functools
@@ -51,7 +51,7 @@ def first_states(env: Any, count: int, seed: int = 0) -> Any:
     return jax.device_get(draw(keys))
 
 
-def seen(env: Any, states: Any, i: int) -> str:
+def visible_content(env: Any, states: Any, i: int) -> str:
     """The content of a level as a person sees it, independent of the package's own definition."""
     state = jax.tree.map(lambda leaf: leaf[i], states)
     level = state.level
@@ -76,46 +76,46 @@ def seen(env: Any, states: Any, i: int) -> str:
     return json.dumps(said)
 
 
-def sets_of(env: Any, states: Any) -> list[str]:
-    return [seen(env, states, i) for i in range(len(states.heading))]
+def contents_of(env: Any, states: Any) -> list[str]:
+    return [visible_content(env, states, i) for i in range(len(states.heading))]
 
 
-def both_sides(name: str, count: int, **settings: Any) -> list[set[str]]:
+def levels_of_splits(name: str, count: int, **settings: Any) -> list[set[str]]:
     """The visible content of training and test levels."""
     sides = []
     for split in ("train", "test"):
         env = made(name, split=split, test_fraction=0.4, **settings)
-        sides.append(set(sets_of(env, first_states(env, count, seed=1))))
+        sides.append(set(contents_of(env, first_states(env, count, seed=1))))
     return sides
 
 
 @pytest.mark.parametrize("name", FEW)
-def test_no_level_is_on_both_sides(name: str) -> None:
+def test_no_level_is_in_both_splits(name: str) -> None:
     """By visible content, over thousands of draws, in which most levels come several times."""
-    train, test = both_sides(name, 3000)
+    train, test = levels_of_splits(name, 3000)
     assert not train & test
     every = level_counts.level_counts()[name].levels
     assert 0.9 * every < len(train | test) <= every
 
 
 @pytest.mark.parametrize("name", MANY)
-def test_no_level_of_some_seeds_is_on_both_sides(name: str) -> None:
+def test_no_level_of_given_seeds_is_in_both_splits(name: str) -> None:
     """With few seeds, so that each level repeats; both sides together are all levels."""
-    train, test = both_sides(name, 250, levels=(100, 130))
+    train, test = levels_of_splits(name, 250, levels=(100, 130))
     assert not train & test
     env = made(name, levels=(100, 130))
-    assert train | test == set(sets_of(env, first_states(env, 250)))
+    assert train | test == set(contents_of(env, first_states(env, 250)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MANY)
-def test_no_level_of_thousands_is_on_both_sides(name: str) -> None:
-    train, test = both_sides(name, 2000)
+def test_none_of_thousands_of_levels_is_in_both_splits(name: str) -> None:
+    train, test = levels_of_splits(name, 2000)
     assert not train & test
     assert min(len(train), len(test)) > 100
 
 
-def test_the_order_of_things_is_no_part_of_a_level() -> None:
+def test_order_of_things_does_not_change_the_level() -> None:
     env = made("minigrid-fetch-8x8-n3")
     state = env.first_state(jax.random.key(0), env.check_params())
     turned = state.replace(things=jax.tree.map(lambda leaf: leaf[::-1], state.things))
@@ -128,18 +128,20 @@ def test_the_order_of_things_is_no_part_of_a_level() -> None:
     "name", [CORRIDOR, pytest.param("memory-maze-9x9", marks=pytest.mark.variant), DOORS]
 )
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
-def test_the_share_of_levels_is_the_fraction(name: str, fraction: float) -> None:
+def test_share_of_test_levels_equals_test_fraction(name: str, fraction: float) -> None:
     env = made(name)
     states = first_states(env, 3000, seed=3)
     draw = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))
-    held = jax.jit(jax.vmap(lambda level: splits.is_of("test", fraction, level)))(draw(states))
-    sides = dict(zip(sets_of(env, states), np.asarray(held).tolist(), strict=True))
+    held = jax.jit(jax.vmap(lambda level: splits.is_in_split("test", fraction, level)))(
+        draw(states)
+    )
+    sides = dict(zip(contents_of(env, states), np.asarray(held).tolist(), strict=True))
     count = len(sides)
     error = math.sqrt(fraction * (1 - fraction) / count)
     assert abs(sum(sides.values()) / count - fraction) < 4 * error
 
 
-def test_a_hash_is_that_of_numbers_of_any_length() -> None:
+def test_hash_matches_its_definition() -> None:
     """Against the definition in Python integers."""
     most = 2**32 - 1
 
@@ -163,22 +165,22 @@ def test_a_hash_is_that_of_numbers_of_any_length() -> None:
     assert splits.fingerprint([jnp.asarray(part) for part in parts]).tolist() == halves
 
 
-def test_sides_grow_with_the_fraction() -> None:
+def test_test_split_grows_with_the_fraction() -> None:
     levels = splits.sample_levels(made(DOORS), 500, 1)
-    few, many = (np.asarray(splits.is_of("test", share, levels.T)) for share in (0.1, 0.6))
+    few, many = (np.asarray(splits.is_in_split("test", share, levels.T)) for share in (0.1, 0.6))
     assert few.any()
     assert not (few & ~many).any()
-    np.testing.assert_array_equal(many, ~np.asarray(splits.is_of("train", 0.6, levels.T)))
+    np.testing.assert_array_equal(many, ~np.asarray(splits.is_in_split("train", 0.6, levels.T)))
 
 
 @pytest.mark.parametrize("name", [CORRIDOR, DOORS])
-def test_a_level_of_the_right_side_is_what_it_is_without_a_split(name: str) -> None:
-    """Drawn from the same key; and the same alone as in a batch."""
+def test_split_does_not_change_levels_it_accepts(name: str) -> None:
+    """The same key gives the same level, alone and in a batch."""
     env, split = made(name), made(name, split="test", test_fraction=0.5)
     every, right = first_states(env, 200), first_states(split, 200)
-    same = [a == b for a, b in zip(sets_of(env, every), sets_of(env, right), strict=True)]
+    same = [a == b for a, b in zip(contents_of(env, every), contents_of(env, right), strict=True)]
     levels = jax.vmap(lambda state: splits.fingerprint(env.level_parts(state)))(every)
-    held = np.asarray(splits.is_of("test", 0.5, levels.T))
+    held = np.asarray(splits.is_in_split("test", 0.5, levels.T))
     assert 60 < held.sum() < 140
     assert all(np.array(same)[held])
     for a, b in zip(jax.tree.leaves(every), jax.tree.leaves(right), strict=True):
@@ -191,8 +193,8 @@ def test_a_level_of_the_right_side_is_what_it_is_without_a_split(name: str) -> N
 
 
 @pytest.mark.usefixtures("plain_frames")
-def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
-    """Inside of steps and of a scan, with old keys; and of one environment alone."""
+def test_every_reset_of_a_batch_stays_in_its_split() -> None:
+    """Inside steps and a scan, with old keys, and for a single environment."""
     name, sides = "key-corridor-s3r1", []
     for split in ("train", "test"):
         env = made(name, split=split, test_fraction=0.3)
@@ -213,25 +215,25 @@ def test_every_reset_of_a_batch_keeps_to_its_side() -> None:
         states = jax.device_get(jax.jit(play)(keys))
         firsts = jax.tree.map(lambda leaf, at=states.time == 0: leaf[at], states)
         assert len(firsts.heading) == 400
-        sides.append(set(sets_of(env, firsts)))
+        sides.append(set(contents_of(env, firsts)))
         _, one = env.reset(keys[0], params)
-        assert splits.is_of(split, 0.3, splits.fingerprint(env.level_parts(one)))
+        assert splits.is_in_split(split, 0.3, splits.fingerprint(env.level_parts(one)))
     assert not sides[0] & sides[1]
     assert sum(map(len, sides)) == 6 * 6
 
 
-def test_a_split_of_some_seeds_has_levels_of_these_seeds_alone() -> None:
+def test_split_of_given_seeds_has_only_their_levels() -> None:
     env = made(DOORS, levels=(5, 17))
-    chosen = set(sets_of(env, first_states(env, 400)))
+    chosen = set(contents_of(env, first_states(env, 400)))
     found = []
     for split in ("train", "test"):
         part = made(DOORS, levels=(5, 17), split=split, test_fraction=0.5)
-        found.append(set(sets_of(part, first_states(part, 400))))
+        found.append(set(contents_of(part, first_states(part, 400))))
     assert found[0] | found[1] == chosen
     assert not found[0] & found[1]
 
 
-def test_rewards_have_derivatives_beside_resets() -> None:
+def test_rewards_are_differentiable_beside_resets() -> None:
     env, params = jaxenstein.make(DOORS, **SIZE, split="test")
     _, state = env.reset(jax.random.key(0), params)
 
@@ -242,26 +244,26 @@ def test_rewards_have_derivatives_beside_resets() -> None:
     assert jax.grad(paid)(-0.5) == 1
 
 
-def test_a_loop_ends_where_nothing_is_right() -> None:
+def test_search_for_a_level_always_ends() -> None:
     def draw(key: jax.Array, given: Any) -> jax.Array:
         return jax.random.bits(key) + given
 
     never = jax.jit(
-        lambda key: splits.first_right(
+        lambda key: splits.first_accepted(
             draw, lambda _: jnp.bool_(False), jnp.bool_(True), key, jnp.uint32(0)
         )
     )
     assert never(jax.random.key(0)).shape == ()
 
 
-def test_what_cannot_be_held_out_is_told() -> None:
+def test_empty_splits_are_refused() -> None:
     for split, (empty, fraction) in itertools.product(
         ("train", "test"), (("test", 1e-6), ("train", 1 - 1e-6))
     ):
         with pytest.raises(SettingError, match=f"the {empty} split of 'minigrid-lava-gap-s5' has"):
             made("minigrid-lava-gap-s5", split=split, test_fraction=fraction)
     level = np.asarray(splits.sample_levels(made(CORRIDOR, levels=(3, 4)), 1, 0))[0]
-    empty = "train" if splits.is_of("test", 0.2, level) else "test"
+    empty = "train" if splits.is_in_split("test", 0.2, level) else "test"
     with pytest.raises(SettingError, match="with levels=\\(3, 4\\) has no levels: 4096 draws"):
         made(CORRIDOR, levels=(3, 4), split=empty)
     made(CORRIDOR, levels=(3, 4), split="test" if empty == "train" else "train")
@@ -275,7 +277,7 @@ def test_what_cannot_be_held_out_is_told() -> None:
         made("simple", split="test")
 
 
-def test_few_levels_are_told_where_many_seeds_are_chosen() -> None:
+def test_warns_if_many_seeds_have_few_levels() -> None:
     with pytest.warns(LevelWarning, match="has 1,024 levels, and .* about 18% of them"):
         made(DOORS, levels=(0, 200))
     with warnings.catch_warnings():
@@ -287,7 +289,7 @@ def test_few_levels_are_told_where_many_seeds_are_chosen() -> None:
         spec_from({"env": DOORS, "settings": {"levels": (0, 200)}})
 
 
-def test_a_split_can_be_changed_and_left_by_flags() -> None:
+def test_flags_can_change_and_remove_a_split() -> None:
     given = {"env": DOORS, "settings": {"split": "train", "test_fraction": 0.5}}
     spec = spec_from(given)
     other: Any = changed(spec, {"settings": {"split": "test"}}).build()[0]
@@ -353,7 +355,7 @@ SMALL = {
     "minigrid-door-key-6x6": _key_door(6),
     # Three places of a wall in either direction, with a gap of seven tiles.
     "minigrid-lava-crossing-s9n1": 2 * 3 * 7,
-    # Two balls that are alike, on the tiles without the goal and the start.
+    # Two equal balls, on the tiles without the goal and the start.
     "minigrid-dynamic-obstacles-5x5": math.comb(7, 2),
     "minigrid-dynamic-obstacles-random-5x5": 8 * 4 * math.comb(7, 2),
     # The cell of the box, in all mazes.
@@ -367,13 +369,13 @@ SMALL = {
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_small_worlds_have_as_many_levels_as_are_stored(name: str) -> None:
+def test_stored_level_counts_are_right_for_small_worlds(name: str) -> None:
     count = level_counts.level_counts()[name]
     assert (count.levels, count.exact) == (SMALL[name], True)
 
 
 @pytest.mark.parametrize("name", ["minigrid-lava-gap-s5", "key-corridor-s3r1"])
-def test_counting_finds_as_many(name: str) -> None:
+def test_counting_finds_the_stored_number(name: str) -> None:
     assert counting.count_levels(made(name)) == (SMALL[name], True)
 
 
@@ -387,7 +389,7 @@ def test_every_generated_environment_is_counted() -> None:
     assert stored["key-corridor-s3r1"].short == "36"
 
 
-def test_counting_stops_early_with_many_levels_and_writes_a_line_each(
+def test_counting_stops_early_and_writes_one_line_per_task(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "counts.json"
@@ -401,7 +403,7 @@ def test_counting_stops_early_with_many_levels_and_writes_a_line_each(
     assert counting.main([DOORS, "--check"]) == 1
 
 
-def test_a_task_of_ones_own_says_what_a_level_is() -> None:
+def test_custom_task_defines_its_levels() -> None:
     @dataclasses.dataclass(frozen=True, kw_only=True)
     class Own(type(made(CORRIDOR))):  # type: ignore[misc]
         level_parts = GeneratedTask.level_parts

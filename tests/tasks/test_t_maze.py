@@ -1,4 +1,4 @@
-"""The T-maze's rules, each from a state made for it."""
+"""The rules of the T-maze, each tested from its own state."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def world() -> Any:
 
 @pytest.mark.parametrize("arm", [0, 1])
 @pytest.mark.parametrize("end", [0, 1])
-def test_the_right_end_pays_and_both_end_the_episode(world: Any, arm: int, end: int) -> None:
+def test_right_end_pays_and_both_ends_end_the_episode(world: Any, arm: int, end: int) -> None:
     env, params, step = world
     _, state = env.reset(jax.random.key(0), params)
     # A step of 0.15 tiles from just outside the radius of 0.35, to the west or to the east.
@@ -44,7 +44,7 @@ def test_the_right_end_pays_and_both_end_the_episode(world: Any, arm: int, end: 
     assert bool(info["reached_wrong_end"]) == (arm != end)
 
 
-def test_the_cue_is_seen_for_its_steps_in_its_colour_and_nothing_tells_later(world: Any) -> None:
+def test_cue_is_visible_only_in_the_first_steps(world: Any) -> None:
     env, params, step = world
     seen = {}
     for arm in (0, 1):
@@ -62,7 +62,7 @@ def test_the_cue_is_seen_for_its_steps_in_its_colour_and_nothing_tells_later(wor
         np.testing.assert_array_equal(west, east)
 
 
-def test_arms_are_drawn_alike_and_the_expert_remembers(world: Any) -> None:
+def test_arms_are_drawn_uniformly_and_the_expert_remembers(world: Any) -> None:
     env, params, _ = world
     keys = jax.random.split(jax.random.key(3), 512)
     arms = np.asarray(jax.vmap(lambda key: env.init_state(key, params))(keys).goal)

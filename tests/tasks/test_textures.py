@@ -1,4 +1,4 @@
-"""Environments with images of the user's own: each pixel shows what the labels say."""
+"""Environments with custom images: each pixel matches its label."""
 
 from typing import Any
 
@@ -35,7 +35,7 @@ def images() -> dict[str, np.ndarray]:
         pytest.param("health-gathering", {"hud": True}, id="many", marks=pytest.mark.variant),
     ],
 )
-def test_pixels_show_what_the_labels_say(id: str, settings: dict[str, bool]) -> None:
+def test_pixels_match_the_labels(id: str, settings: dict[str, bool]) -> None:
     env: Any
     env, params = jaxenstein.make(id, height=24, width=32, textures=images(), **settings)
     lanes, steps = 4, 6
@@ -65,8 +65,8 @@ def test_pixels_show_what_the_labels_say(id: str, settings: dict[str, bool]) -> 
     assert others.any()
 
 
-def test_smoothing_is_the_mean_of_the_texels_around() -> None:
-    """Of a picture that repeats; over an odd number of texels, or over all."""
+def test_smoothing_averages_surrounding_texels() -> None:
+    """For a repeating picture; over an odd number of texels, or over all."""
     picture = np.random.default_rng(1).integers(0, 256, (8, 16, 3), dtype=np.uint8)
     around = [
         np.roll(picture.astype(np.float64), (row, column), (0, 1))
@@ -79,8 +79,8 @@ def test_smoothing_is_the_mean_of_the_texels_around() -> None:
     np.testing.assert_allclose(smoothed(picture, 17, np.inf), whole)
 
 
-def test_shades_stand_for_depths() -> None:
-    """A plane at the depth of a shade has that shade; those that none has are infinitely far."""
+def test_shades_depend_on_depth() -> None:
+    """A plane at the depth of a shade has that shade; an unused shade is infinitely far."""
     depths = depth_of_shades(Light())
     reached = np.isfinite(depths)
     np.testing.assert_array_equal(shade_of(brightness(depths[reached])), np.flatnonzero(reached))

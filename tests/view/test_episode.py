@@ -20,7 +20,7 @@ FIELD = parse_ascii("#####\n#S.G#\n#####")
 
 
 def walk(steps: int, side: int = 16) -> Episode:
-    """To and fro, on a map with nothing on it."""
+    """A walk to and fro on an empty map."""
     count = steps + 1
     frames = np.zeros((count, side, side, 3), np.uint8)
     for i, frame in enumerate(frames):
@@ -43,7 +43,7 @@ def walk(steps: int, side: int = 16) -> Episode:
 
 
 class Page(html.parser.HTMLParser):
-    """The picture and the text of what a notebook shows."""
+    """The image and the text that a notebook shows."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -76,7 +76,7 @@ def test_notebooks_get_an_animation(steps: int) -> None:
     with Image.open(io.BytesIO(page.picture)) as gif:
         assert getattr(gif, "n_frames", 1) == wanted
         assert max(gif.size) < 600
-        # What the agent saw stands there in squares, first and last.
+        # The first and the last observation are there, with square pixels.
         scale = 192 // 16
         for number, frame in ((0, episode.frames[0]), (wanted - 1, episode.frames[-1])):
             gif.seek(number)
@@ -91,14 +91,14 @@ def test_notebooks_get_an_animation(steps: int) -> None:
     assert repr(episode) == f"<Episode {episode.summary()}>"
 
 
-def test_a_notebook_stays_small() -> None:
+def test_notebook_stays_small() -> None:
     noisy = walk(2000, 64)
     noisy.frames[:] = np.random.default_rng(0).integers(0, 256, noisy.frames.shape)
     # Noise in all pixels is the worst that there can be.
     assert len(noisy._repr_html_()) < 8_000_000
 
 
-def test_pictures_are_the_same_in_any_order() -> None:
+def test_frames_are_equal_in_any_order() -> None:
     episode = walk(30)
     drawn: list[int] = []
     pictures = Pictures(episode, every=4, notify=drawn.append)
@@ -113,7 +113,7 @@ def test_pictures_are_the_same_in_any_order() -> None:
         Pictures(episode, every=0)
 
 
-def test_files_by_suffix(tmp_path: Path) -> None:
+def test_file_format_follows_the_suffix(tmp_path: Path) -> None:
     episode = walk(5)
     episode.save(tmp_path / "a.gif", fps=10, every=2)
     episode.save(str(tmp_path / "a.PNG"))

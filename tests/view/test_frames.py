@@ -31,7 +31,7 @@ def shown(frame: Frame) -> np.ndarray:
 @pytest.mark.parametrize(
     "given", [RGB, jnp.asarray(RGB), {"image": RGB, "carried_keys": np.zeros(6)}]
 )
-def test_png_is_the_frame_in_sharp_pixels(given: Any) -> None:
+def test_png_shows_the_frame_in_sharp_pixels(given: Any) -> None:
     frame = show(given)
     assert frame.scale == 22
     np.testing.assert_array_equal(shown(frame), np.kron(RGB, np.ones((22, 22, 1), np.uint8)))
@@ -43,7 +43,7 @@ def test_large_frames_are_not_enlarged() -> None:
     assert show(np.zeros((300, 400, 3), np.uint8)).scale == 1
 
 
-def test_other_kinds() -> None:
+def test_other_observation_kinds() -> None:
     gray = RGB[..., 0]
     np.testing.assert_array_equal(show(gray).image, np.stack([gray] * 3, axis=-1))
     labels = (gray % len(LABEL_COLOURS)).astype(np.uint8)
@@ -55,7 +55,7 @@ def test_other_kinds() -> None:
     assert (image[1], image[3]) == (128, 0)
 
 
-def test_a_batch_is_laid_out() -> None:
+def test_batch_is_laid_out() -> None:
     batch = np.stack([RGB, 255 - RGB, RGB // 2])
     frame = show(batch, scale=2)
     np.testing.assert_array_equal(shown(frame), mosaic(batch, 2, scale=2))
@@ -79,7 +79,7 @@ def test_a_batch_is_laid_out() -> None:
         ("text", None, "observation is"),
     ],
 )
-def test_what_is_no_observation(observation: Any, kind: str | None, words: str) -> None:
+def test_invalid_observations_are_refused(observation: Any, kind: str | None, words: str) -> None:
     with pytest.raises(SettingError, match=words):
         show(observation, kind)
 

@@ -10,7 +10,7 @@ from jaxenstein.maps.symbols import DEFAULT_WALL, FLOOR
 from jaxenstein.maps.things import GOAL, MEDKIT
 
 
-def test_views_show_what_there_is_and_come_from_different_episodes() -> None:
+def test_views_show_all_things_and_come_from_different_episodes() -> None:
     images = np.full((8, 5, 10, 10), DEFAULT_WALL, np.uint8)
     images[:, :, 7:] = FLOOR
     images[3, 4, 5:7, 5:7] = images[3, 2, 5:7, 5:7] = GOAL.label
@@ -22,7 +22,7 @@ def test_views_show_what_there_is_and_come_from_different_episodes() -> None:
     assert sorted(episode for episode, _ in chosen) == [1, 2, 3, 4, 5, 6, 7]
 
 
-def test_blocks_lie_side_by_side() -> None:
+def test_blocks_are_side_by_side() -> None:
     width, height = gallery.block_size()
     blocks = [Image.new("RGB", (width, height), (i, 1, 2)) for i in range(3)]
     sheet = np.asarray(gallery.arrange(blocks))

@@ -89,7 +89,7 @@ def test_mosaic_places_images_row_by_row() -> None:
     assert (sheet[6:, 15:] == recording.BACKGROUND).all()
 
 
-def test_a_mosaic_is_kept_as_png(tmp_path: Path) -> None:
+def test_mosaic_is_saved_as_png(tmp_path: Path) -> None:
     shots = np.stack(frames(4))
     save_png(mosaic(shots, 2, scale=3), tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as png:
@@ -137,7 +137,7 @@ def episode(rewards: list[float], events: tuple[str, ...], **rest: Any) -> Episo
     )
 
 
-def test_caption_tells_step_return_and_the_latest_event() -> None:
+def test_caption_shows_step_return_and_latest_event() -> None:
     played = episode([0, 0.5, 1], ("", "picked up a key", "reached the goal"))
     assert caption(played, 0) == ["step 0", "return 0", ""]
     assert caption(played, 2) == ["step 2", "return +0.5", "picked up a key"]
@@ -160,7 +160,7 @@ def test_evenly_includes_both_ends() -> None:
     assert evenly(1, 8) == [0]
 
 
-def films(count: int, height: int = 97, width: int = 131) -> list[np.ndarray]:
+def moving_squares(count: int, height: int = 97, width: int = 131) -> list[np.ndarray]:
     """A red and a blue square that walk over grey, past one of every corner of the colours."""
     images = []
     for i in range(count):
@@ -174,7 +174,7 @@ def films(count: int, height: int = 97, width: int = 131) -> list[np.ndarray]:
 
 
 def decode(path: Path, width: int, height: int) -> tuple[str, np.ndarray]:
-    """What ffmpeg says of the stream in a file, and its frames."""
+    """ffmpeg's description of the stream in a file, and its frames."""
     program = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     done = subprocess.run([program, "-i", str(path), *raw], capture_output=True, check=True)
@@ -185,7 +185,7 @@ def decode(path: Path, width: int, height: int) -> tuple[str, np.ndarray]:
 
 def test_video_holds_every_frame_in_its_colours(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    shots = np.stack(films(20))
+    shots = np.stack(moving_squares(20))
     save_animation(shots, tmp_path / "a.mp4", fps=12.5)
     about, back = decode(tmp_path / "a.mp4", 132, 98)
     for fact in ("Video: h264", "yuv420p(tv, bt709", " 132x98", " 12.50 fps"):
@@ -211,7 +211,7 @@ def test_one_small_frame_is_a_video(tmp_path: Path) -> None:
     assert back.shape == (1, 2, 2, 3)
 
 
-def test_missing_extra_is_told_before_anything_is_played(
+def test_missing_extra_is_reported_before_playing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -220,7 +220,7 @@ def test_missing_extra_is_told_before_anything_is_played(
     check_animation(tmp_path / "a.gif")
 
 
-def test_no_program_for_this_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_ffmpeg_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     package = pytest.importorskip("imageio_ffmpeg")
 
     def nothing() -> str:
@@ -243,7 +243,7 @@ def test_no_program_for_this_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         ("os.close(0); sys.exit(0)", "ffmpeg failed"),
     ],
 )
-def test_a_failing_program_leaves_nothing(
+def test_failing_ffmpeg_leaves_nothing(
     program: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     script = tmp_path / "ffmpeg"
@@ -268,7 +268,7 @@ def test_interrupted_videos_leave_nothing(tmp_path: Path) -> None:
 
     (tmp_path / "a.mp4").write_text("old")
     with pytest.raises(KeyboardInterrupt):
-        save_animation(Interrupted(films(2)), tmp_path / "a.mp4")
+        save_animation(Interrupted(moving_squares(2)), tmp_path / "a.mp4")
     assert os.listdir(tmp_path) == ["a.mp4"]
     assert (tmp_path / "a.mp4").read_text() == "old"
 
@@ -276,12 +276,12 @@ def test_interrupted_videos_leave_nothing(tmp_path: Path) -> None:
 def test_wrong_arguments(tmp_path: Path) -> None:
     for path in ("a.avi", "a", "a.gif.txt"):
         with pytest.raises(SettingError, match=r"should end in \.gif or \.mp4"):
-            save_animation(films(1), tmp_path / path)
+            save_animation(moving_squares(1), tmp_path / path)
     for fps in (0, -1, float("nan"), float("inf"), 1e-9):
         with pytest.raises(SettingError, match="fps must be"):
-            save_animation(films(1), tmp_path / "a.gif", fps)
+            save_animation(moving_squares(1), tmp_path / "a.gif", fps)
     with pytest.raises(SettingError, match="at least one frame"):
         save_animation([], tmp_path / "a.gif")
     with pytest.raises(OutputError, match="there is no folder"):
-        save_animation(films(1), tmp_path / "none" / "a.gif")
+        save_animation(moving_squares(1), tmp_path / "none" / "a.gif")
     assert os.listdir(tmp_path) == []

@@ -56,7 +56,7 @@ def test_floor_walls_and_rock(tilemap: TileMap) -> None:
     assert pixel(picture, 4.5, 0.5) == paint(2)
 
 
-def test_rock_is_where_nobody_can_look() -> None:
+def test_rock_is_where_no_agent_can_look() -> None:
     solid = parse_ascii("######\n#SG###\n######\n######\n######", "solid")
     picture = draw_map(solid, scale=SCALE)
     assert pixel(picture, 1.5, 3.5) == ground.ROCK
@@ -77,7 +77,7 @@ def test_doors_close_and_open(tilemap: TileMap) -> None:
     assert pixel(opened, 5.05, 1.5) == ground.FLOOR
 
 
-def test_a_path_through_an_open_door_stays_in_sight(tilemap: TileMap) -> None:
+def test_path_through_an_open_door_stays_visible(tilemap: TileMap) -> None:
     steps = np.array([[4.5, 1.5], [5.5, 1.5], [6.5, 1.5]])
     walked = draw_map(tilemap, scale=SCALE).path(steps).doors(np.array([False]))
     assert pixel(walked, 5.5, 1.5) not in (ground.FLOOR, glyphs.INK)
@@ -85,7 +85,7 @@ def test_a_path_through_an_open_door_stays_in_sight(tilemap: TileMap) -> None:
     assert pixel(shut, 5.5, 1.5) == glyphs.INK
 
 
-def test_things_are_those_of_the_map(tilemap: TileMap) -> None:
+def test_things_match_the_map(tilemap: TileMap) -> None:
     picture = draw_map(tilemap, scale=SCALE).things()
     assert pixel(picture, 3.6, 1.5) == paint(KEY.labels[0])
     assert pixel(picture, 5.5, 1.5) == glyphs.INK
@@ -94,7 +94,7 @@ def test_things_are_those_of_the_map(tilemap: TileMap) -> None:
 
 
 @pytest.mark.parametrize("scale", [SCALE, 10])
-def test_sprites_show_what_they_are_where_they_are(tilemap: TileMap, scale: int) -> None:
+def test_sprites_are_drawn_in_their_place(tilemap: TileMap, scale: int) -> None:
     labels = np.array([GOAL.label, APPLE.label, MEDKIT.label, 5])
     places = np.array([[2.5, 4.5], [4.5, 4.55], [6.25, 4.75], [8.5, 4.5]])
     there = draw_map(tilemap, scale=scale).sprites(places, labels)
@@ -104,12 +104,12 @@ def test_sprites_show_what_they_are_where_they_are(tilemap: TileMap, scale: int)
     assert pixel(there, 6.25, 4.75) == glyphs.CROSS
     assert pixel(there, 6.0, 4.55) == pixel(there, 6.45, 4.95) == glyphs.BOX
     assert pixel(there, 8.5, 4.5) == paint(5)
-    # Floor half a tile beside each: nothing is larger than its tile or lies elsewhere.
+    # Half a tile beside each is floor: nothing exceeds its tile or is misplaced.
     for x in (1.6, 3.5, 5.5, 7.5, 9.5):
         assert pixel(there, x, 4.5) == ground.FLOOR
 
 
-def test_a_thing_without_a_glyph_is_its_picture(
+def test_thing_without_a_glyph_is_drawn_as_its_picture(
     tilemap: TileMap, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = dataclasses.replace(APPLE, glyph=None)
@@ -134,13 +134,13 @@ def test_only_visible_sprites_are_drawn(tilemap: TileMap) -> None:
     np.testing.assert_array_equal(np.asarray(empty.image()), np.asarray(plain.image()))
 
 
-def test_the_goal_lies_on_top(tilemap: TileMap) -> None:
+def test_goal_is_on_top(tilemap: TileMap) -> None:
     places, labels = np.array([[2.5, 4.5], [2.5, 4.5]]), np.array([GOAL.label, APPLE.label])
     picture = draw_map(tilemap, scale=SCALE).sprites(places, labels)
     assert pixel(picture, 2.5, 4.5) == glyphs.GOLD
 
 
-def test_places_to_start_are_marked_where_they_are_few(tilemap: TileMap) -> None:
+def test_few_starts_are_marked(tilemap: TileMap) -> None:
     assert pixel(draw_map(tilemap, scale=SCALE), 1.5 + 0.15, 1.5) != ground.FLOOR
     many = tilemap.with_spawns((column, 5) for column in range(2, 11))
     many = many.with_spawns([*many.spawns, *((column, 4) for column in range(2, 11))])
@@ -152,7 +152,7 @@ def test_places_to_start_are_marked_where_they_are_few(tilemap: TileMap) -> None
     assert pixel(everywhere, 3.5 + 0.15, 5.5) == ground.FLOOR
 
 
-def test_path_is_drawn_where_it_went_and_coloured_by_time(tilemap: TileMap) -> None:
+def test_path_is_drawn_and_coloured_by_time(tilemap: TileMap) -> None:
     path = np.array([[1.5, 4.5], [2.5, 4.5], [3.5, 4.5], [7.5, 4.5], [8.5, 4.5]])
     picture = draw_map(tilemap, scale=SCALE).path(path)
     assert pixel(picture, 1.8, 4.5) == topdown.PATH[0]
@@ -164,7 +164,7 @@ def test_path_is_drawn_where_it_went_and_coloured_by_time(tilemap: TileMap) -> N
     assert pixel(farther, 5.5, 4.5) == topdown.blend(*topdown.PATH, 0.5)
 
 
-def test_path_in_pieces_is_the_same_path(tilemap: TileMap) -> None:
+def test_path_in_pieces_equals_the_whole_path(tilemap: TileMap) -> None:
     path = np.column_stack([np.linspace(1.5, 8.5, 15), np.full(15, 4.5)])
     whole = draw_map(tilemap, scale=SCALE).path(path)
     pieces = draw_map(tilemap, scale=SCALE)
@@ -180,7 +180,7 @@ def test_agent_points_along_its_heading(tilemap: TileMap) -> None:
         assert pixel(picture, 4.0 - 0.35 * dx, 5.0 - 0.35 * dy) == ground.FLOOR
 
 
-def test_view_is_stopped_by_closed_doors_only(tilemap: TileMap) -> None:
+def test_only_closed_doors_stop_the_view(tilemap: TileMap) -> None:
     place = (2.5, 1.5)
     closed = draw_map(tilemap, scale=SCALE).sight(place, 0.0)
     opened = draw_map(tilemap, scale=SCALE).sight(place, 0.0, closed=np.array([False]))
@@ -207,7 +207,7 @@ def test_faces_show_their_own_colours() -> None:
 
 
 @pytest.mark.parametrize("tile_label", [2, DECAL_LABELS[7]])
-def test_decals_are_strips_on_walls_of_their_own_colour(tile_label: int) -> None:
+def test_decals_are_strips_on_differently_coloured_walls(tile_label: int) -> None:
     base = parse_ascii("#####\n#S#.#\n#####", "decals", goal_required=False)
     walls = np.array(base.walls)
     faces = np.stack([walls.copy()] * 4)

@@ -253,15 +253,33 @@ class Batch:
             # Clamp before a cast on the device could wrap around.
             valid = (actions >= 0) & (actions < self.env.num_actions)
             actions = np.where(valid, actions, -1).astype(np.int32)
-        self._kept, observation, outcome = batch_calls.step(
-            self._stepped, self._plan, self._kept, actions, self._packed_params
-        )
+        observation, outcome = self._advance(actions)
         stepped = Stepped(observation, *self._layout[1].read(outcome), ended=None)
         if self.autoreset == "same-step":
             indices = np.flatnonzero(stepped.terminated | stepped.truncated)
             if indices.size:
                 return self._restart(stepped, indices)
         return stepped
+
+    def step_one(self, action: np.ndarray) -> tuple[Any, np.float32, bool, bool, dict[str, Any]]:
+        """As `step` for a single environment that the caller resets, without a leading axis.
+
+        Args:
+            action: int32[1], in the action space.
+
+        Returns:
+            The observation, on the device and with its leading axis; reward, terminated,
+            truncated, info, as numpy scalars, Python's bools, and new arrays.
+        """
+        observation, outcome = self._advance(action)
+        return observation, *self._layout[1].read_one(outcome)
+
+    def _advance(self, actions: Any) -> tuple[Any, jax.Array]:
+        """Step all environments: observations and packed outcomes."""
+        self._kept, observation, outcome = batch_calls.step(
+            self._stepped, self._plan, self._kept, actions, self._packed_params
+        )
+        return observation, outcome
 
     def observe(self, env: AnyEnvironment) -> Any:
         """The observations of the current states by `env`; needs a reset first."""

@@ -32,7 +32,7 @@ def mesh_for(num_envs: int) -> Mesh | None:
     return jax.make_mesh((count,), ("env",), axis_types=(AxisType.Auto,))
 
 
-def _apart(
+def _on_each_device(
     mesh: Mesh | None,
     function: Callable[..., Any],
     rows: jax.Array,
@@ -154,7 +154,7 @@ def step(
         observation = _over(drawing.observe, env, layout, numbers, states)
         return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
 
-    return _apart(mesh, of_rows, rows, actions, numbers)
+    return _on_each_device(mesh, of_rows, rows, actions, numbers)
 
 
 # The observations are donated, so that the frames of other environments are not copied.

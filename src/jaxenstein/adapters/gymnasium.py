@@ -125,14 +125,13 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         if self._over:
             state = "has not started" if not self._batch.begun else "is over"
             raise gymnasium.error.ResetNeeded(f"the episode {state}: call reset before step")
-        stepped = self._batch.step(self._interface.actions(_batched(action), 1))
-        self._observation = stepped.observation
-        reward, terminated, truncated = (part.item() for part in stepped[1:4])
+        stepped = self._batch.step_one(self._interface.actions(_batched(action), 1))
+        self._observation, reward, terminated, truncated, info = stepped
         self._over = terminated or truncated
         if self.render_mode == "human":
             self.render()
-        terminated, truncated = self._interface.ends(terminated, truncated)
-        return self._told(), reward, terminated, truncated, _first_info(stepped.info)
+        ends = self._interface.ends(terminated, truncated)
+        return self._told(), float(reward), *ends, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The frame as uint8[height, width, 3], or shown in a window; see `render_mode`.

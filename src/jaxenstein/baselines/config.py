@@ -178,7 +178,8 @@ class Config:
         persistence: initial value of learned numbers, one per action, added to the logit of the
             previous action; with 5 actions, 2 makes a new policy repeat 65 % of its actions.
         recurrent: keep memory and previous action; if false, clear both at every step.
-        dtype: dtype of network computations; parameters and losses are always float32.
+        dtype: dtype of network computations; parameters and losses are always float32. With
+            bfloat16 an agent may learn less reliably.
         convolution: how to compute convolutions; `"matmul"`: as matrix products, several times
             faster on a CPU or with many parallel runs; `"lax"`: with XLA's convolution; results are
             equal up to rounding.

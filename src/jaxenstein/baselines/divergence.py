@@ -88,7 +88,7 @@ class Divergence:
         found = [part for bit, part in enumerate(PARTS) if self.code >> bit & 1] or ["numbers"]
         return " and ".join(filter(None, [", ".join(found[:-1]), found[-1]]))
 
-    def told(self, name: str) -> str:
+    def message(self, name: str) -> str:
         """A message about the run with this name."""
         one = self.code in (1, 2)
         return (

@@ -164,7 +164,7 @@ def rollout(
         return (actors, finals, jax.tree.map(jnp.add, sums, ended)), taken
 
     keys = jax.random.split(key, length)
-    finals = _no_finals(simulator, actors, length, slots)
+    finals = _empty_finals(simulator, actors, length, slots)
     none, zero = jnp.int32(0), jnp.float32(0)
     sums = {"episodes": none, "return_sum": zero, "return_square_sum": zero, "length_sum": none,
             "successes": none}  # fmt: skip
@@ -224,7 +224,7 @@ def _follow(
     return actors, sums
 
 
-def _no_finals(simulator: Simulator, actors: Actors, length: int, slots: int) -> Finals:
+def _empty_finals(simulator: Simulator, actors: Actors, length: int, slots: int) -> Finals:
     """Empty slots for truncations, filled with the current states so that they can be rendered."""
     batch = actors.first.shape[0]
 

@@ -92,7 +92,7 @@ class OwnSimulator:
         env, params = self._env, self._env.check_params(self._params)
         step_key, reset_key = jax.random.split(key)
         out = outcome_of(self._resetting, step_key, reset_key, state, action, params)
-        return _told(out, env.observe(out.state, params), out.state, out.final)
+        return _outcome(out, env.observe(out.state, params), out.state, out.final)
 
     def final_of(self, obs: Any, state: Any) -> Any:
         """What `Outcome.final` would be for these observations and states: here the states."""
@@ -120,14 +120,14 @@ class DrawingSimulator(OwnSimulator):
         step_key, reset_key = jax.random.split(key)
         out = drawing.outcome(self._resetting, step_key, reset_key, state, action, self._params)
         obs = drawing.observe(self._env, out.state, self._params)
-        return _told(out, obs, out.state, out.final)
+        return _outcome(out, obs, out.state, out.final)
 
     def final_observation(self, final: Any) -> Any:
         """As `OwnSimulator.final_observation`."""
         return jax.vmap(lambda drawn: drawing.observe(self._env, drawn, self._params))(final)
 
 
-def _told(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
+def _outcome(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
     """The outcome of a step in one environment."""
     return Outcome(
         obs=obs,

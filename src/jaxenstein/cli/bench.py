@@ -67,7 +67,7 @@ def batches(text: str) -> list[int]:
 def run(options: argparse.Namespace) -> None:
     """Measure, print the table, write the JSON file."""
     from ..machine import describe_machine
-    from ..speed.measuring import Settings, measure_apart
+    from ..speed.measuring import Settings, measure_in_process
 
     _check_core(options.core)
     if options.json is not None:
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> None:
         for done, settings in enumerate(plan, 1):
             progress.label = f"{settings.name}, batch {settings.batch}"
             progress.show()
-            results.append(measure_apart(settings))
+            results.append(measure_in_process(settings))
             progress.update(done)
     report = {**describe_machine(), "results": results}
     with written_anyway(options.json, lambda path: write_json(path, report)):

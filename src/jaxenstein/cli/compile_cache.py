@@ -28,7 +28,7 @@ def keep_programs() -> None:
         folder = programs_folder()
         for path in (folder.parent, folder):
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if not is_ours(path):
+            if not is_private(path):
                 return
         make_room(folder.parent)
     except (OSError, RuntimeError):  # RuntimeError: there is no home folder
@@ -73,7 +73,7 @@ def programs_folder() -> Path:
     return Path(base) / "jaxenstein" / hashlib.sha256(processor.encode()).hexdigest()[:16]
 
 
-def is_ours(folder: Path) -> bool:
+def is_private(folder: Path) -> bool:
     """Whether only this user can write to a folder."""
     about, above = folder.lstat(), folder.parent.stat().st_mode
     if above & stat.S_IWOTH and not above & stat.S_ISVTX:

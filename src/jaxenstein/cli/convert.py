@@ -15,7 +15,7 @@ from ..errors import MapWarning
 from ..files import atomic, check_writable
 from ..maps.map_files import beside, read_text
 from .arguments import Parser, UsageError, add_seed, flag
-from .opening import telling_warnings
+from .opening import printing_warnings
 
 if TYPE_CHECKING:
     from ..maps.tilemap import TileMap
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError("jaxenstein convert: give either a FILE.map or --minigrid ID")
     if options.out is not None:
         check_writable(options.out)
-    with telling_warnings():
+    with printing_warnings():
         convert = _convert_maze if options.minigrid is None else _convert_minigrid
         tilemap, summary = convert(options)
     text, faces = tilemap.tile_text(), tilemap.faces_text()

@@ -36,7 +36,7 @@ from .opening import (
     given_options,
     named,
     open_environment,
-    telling_warnings,
+    printing_warnings,
     with_map,
     written_anyway,
 )
@@ -222,7 +222,7 @@ def _trained(options: argparse.Namespace) -> Evaluated:
         from ..adapters.vizdoom_buffers import load_vizdoom
 
         load_vizdoom()
-    with telling_warnings():
+    with printing_warnings():
         trained = agents.load_trained(options.folder)
         for run in range(len(trained.experiment.runs)):
             trained.warn(run)

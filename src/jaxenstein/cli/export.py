@@ -8,7 +8,7 @@ from pathlib import Path
 from ..progress import Progress
 from .arguments import Parser, UsageError, add_run, add_seed, flag, whole
 from .evaluate import table
-from .opening import baselines, telling_warnings
+from .opening import baselines, printing_warnings
 
 HELP = "write a trained agent into a small file"
 DESCRIPTION = """\
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> None:
     agents = baselines("agents")
     total = len(agents.WAYS) * options.episodes
     with (
-        telling_warnings(),
+        printing_warnings(),
         Progress(total, "evaluating", unit="episodes", compiles=True) as progress,
     ):
         results = agents.export_policy(

@@ -102,7 +102,7 @@ def open_spec(
         if "map_file" in given
         else given.get("env", "").rpartition(":")[2]
     )
-    with telling_warnings():
+    with printing_warnings():
         options = with_map(given)
         spec = changed(instead_of, options) if instead_of else spec_from(options)
     for param, range in spec.ranges.items() if not ranges else ():
@@ -141,7 +141,7 @@ def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> It
 
 
 @contextlib.contextmanager
-def telling_warnings() -> Iterator[None]:
+def printing_warnings() -> Iterator[None]:
     """Print warnings about maps, levels and agents at the end, each once and on one line."""
     with warnings.catch_warnings(record=True) as caught:
         for kind in (MapWarning, LevelWarning, DivergenceWarning):

@@ -26,7 +26,7 @@ from .arguments import (
     real,
     whole,
 )
-from .opening import baselines, drawn_by, given_options, open_environment, telling_warnings
+from .opening import baselines, drawn_by, given_options, open_environment, printing_warnings
 from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def load_agent(path: Path | None, options: argparse.Namespace) -> TrainedPolicy 
                 else "jaxenstein: --run and --greedy need --policy with a run directory"
             )
         return None
-    with telling_warnings():
+    with printing_warnings():
         return baselines("agents").load_policy(path, options.number, greedy=options.greedy)
 
 

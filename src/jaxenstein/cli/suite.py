@@ -16,7 +16,7 @@ from ..progress import Progress
 from ..scores import normalised
 from .arguments import UsageError
 from .listing import format_table
-from .opening import baselines, telling_warnings
+from .opening import baselines, printing_warnings
 from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
     found, short = {}, []
     for task in suite.TASKS:
         path = folder / task.id
-        with telling_warnings():
+        with printing_warnings():
             trained = agents.load_trained(path)
         about = trained.experiment
         if fault := difference(chosen.spec(task), about.environment):

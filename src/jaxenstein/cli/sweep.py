@@ -15,9 +15,9 @@ from .opening import (
     baselines,
     given_training,
     named,
-    telling_warnings,
+    printing_warnings,
 )
-from .train import INTERRUPTED, add_training, beginning, carry_out, spread
+from .train import INTERRUPTED, add_training, carry_out, open_run, spread
 
 if TYPE_CHECKING:
     from ..baselines.runs.sweeps import Point
@@ -71,11 +71,11 @@ def run(options: argparse.Namespace) -> int:
     algos = options.algo or ([given["algo"]] if "algo" in given else sweeps.swept())
     if options.no_grid and given.get("grid"):
         raise UsageError("jaxenstein sweep: give either --no-grid or --grid, not both")
-    with telling_warnings():
+    with printing_warnings():
         planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
     folders = [
-        beginning(options.out / name, experiment, options.resume)
+        open_run(options.out / name, experiment, options.resume)
         for name, experiment in planned.items()
     ]
     code = carry_out(folders, options)

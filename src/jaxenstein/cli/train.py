@@ -28,7 +28,7 @@ from .opening import (
     handling,
     import_module_of,
     named,
-    telling_warnings,
+    printing_warnings,
 )
 from .suite import planned as planned_suite
 
@@ -82,7 +82,7 @@ DIVERGED, INTERRUPTED = 3, 130
 # Advice for a run that diverged.
 ADVICE = (
     "try a lower --learning-rate, a smaller --gradient-norm, or smaller rewards "
-    "(docs/training.md, 'Where it diverges')"
+    "(docs/training.md, 'If the agent does not learn')"
 )
 STOPPING = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -154,7 +154,7 @@ def run(options: argparse.Namespace) -> int:
         return train_one(options)
     processes = baselines("processes")
     with processes.joined(*together):
-        code = train_one(options) if processes.leads() else _help(options)
+        code = train_one(options) if processes.is_leader() else _help(options)
         return processes.shared(code)
 
 
@@ -194,7 +194,7 @@ def _help(options: argparse.Namespace) -> int:
 
 def train_one(options: argparse.Namespace) -> int:
     """Train in one run directory; returns the exit code."""
-    with telling_warnings():
+    with printing_warnings():
         folder = open_folder(options)
     baselines("processes").shared((folder.experiment.to_json(), options.chunk))
     module, colon, _ = (folder.experiment.environment.id or "").rpartition(":")
@@ -207,16 +207,16 @@ def train_one(options: argparse.Namespace) -> int:
 def train_suite(options: argparse.Namespace) -> int:
     """Train on one task of a suite after the other; returns the exit code of `carry_out`."""
     check_links(options.out)
-    with telling_warnings():
+    with printing_warnings():
         planned = planned_suite(options.suite, given_training(options), options.budget)
     folders = [
-        beginning(options.out / task, experiment, options.resume)
+        open_run(options.out / task, experiment, options.resume)
         for task, experiment in planned.items()
     ]
     return carry_out(folders, options)
 
 
-def beginning(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
+def open_run(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
     """The run directory of one of several trainings; it must be new unless `resume`.
 
     Raises:
@@ -252,7 +252,7 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
     folder = runs.RunFolder.open(options.out)
     if given:
         before = parsing.given_by(folder.experiment)
-        folder.go_on_as(parsing.resolve(merge(before, given)))
+        folder.continue_as(parsing.resolve(merge(before, given)))
     return folder
 
 
@@ -312,7 +312,7 @@ def _carry_out(folder: RunFolder, options: argparse.Namespace, stop: Callable[[]
             for run, found in baselines("metrics").diverged_runs(seen, runs).items():
                 if run not in diverged:
                     diverged[run] = found
-                    told = f"{found.told(names[run])}. It stops learning; {ADVICE}"
+                    told = f"{found.message(names[run])}. It stops learning; {ADVICE}"
                     progress.say(f"jaxenstein: warning: {told}")
             if rows or update == total:
                 progress.note = note_of(recent)

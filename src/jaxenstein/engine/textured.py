@@ -1,6 +1,6 @@
-"""Drawing with textures: an index into the atlas for each pixel, then one fetch for each.
+"""Drawing with textures: compute an index into the atlas for each pixel, then fetch one word each.
 
-The fetch is a stage of its own: fused with the arithmetic of the index, it would make all of that
+The fetch is a separate stage. Fused with the arithmetic of the index, it would make all of it
 scalar, which takes three times as long.
 """
 
@@ -30,19 +30,19 @@ from .textures import Cutouts, Sampling, Textures, entry, shade_of
 
 
 class TexturedColumns(PyTreeNode):
-    """The columns of one image, ready to paint; W of them.
+    """The W columns of one image, ready to paint.
 
     A pixel of a wall `y` rows below the horizon shows texel `round(scale * y + offset)` of its
-    column, modulo the picture's height.
+    column, modulo the height of the picture.
 
     Attributes:
         half: float32[W], half the height of the wall in pixels.
-        drop: float32[W], how far its middle is below the horizon, or None if it is not.
-        base: int32[W], index of the topmost texel of the column of the wall's picture.
-        last: int32[W], height of that picture less one.
-        scale: float32[W], texels a pixel.
-        offset: float32[W], the texel at the horizon, less one half.
-        ray: float32[2, W], the ray's direction (x, y) on floor and ceiling, scaled to depth one.
+        drop: float32[W], how far the middle of the wall is below the horizon, or None if it is not.
+        base: int32[W], the index of the topmost texel of the column of the wall's picture.
+        last: int32[W], the height of that picture minus one.
+        scale: float32[W], texels per pixel.
+        offset: float32[W], the texel at the horizon, minus one half.
+        ray: float32[2, W], the direction (x, y) of the ray on floor and ceiling, scaled to depth 1.
         layers: the billboards, or None if the scene has none.
     """
 
@@ -63,9 +63,9 @@ class TexturedLayers(PyTreeNode):
 
     Attributes:
         opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
-        base: int32[K, W], index of the topmost texel.
-        scale: float32[K, W or 1], texels a pixel.
-        offset: float32[K, W or 1], less one half.
+        base: int32[K, W], the index of the topmost texel.
+        scale: float32[K, W or 1], texels per pixel.
+        offset: float32[K, W or 1], the texel at the horizon, minus one half.
     """
 
     opaque: jax.Array
@@ -75,11 +75,11 @@ class TexturedLayers(PyTreeNode):
 
 
 class TexturedRows(PyTreeNode):
-    """What the pixels of floor and ceiling in a row have in common.
+    """The values that all floor and ceiling pixels of a row share.
 
     Attributes:
-        ahead: [2] of float32[height, 1], texels along x and y that a ray of depth one passes.
-        base: int32[height, 1], index of the picture's first texel.
+        ahead: [2] of float32[height, 1], texels along x and y per unit of the ray of a column.
+        base: int32[height, 1], the index of the first texel of the picture.
     """
 
     ahead: tuple[Array, Array]
@@ -87,7 +87,7 @@ class TexturedRows(PyTreeNode):
 
 
 def textures_of(theme: Theme) -> Textures:
-    """The textures of a theme that has some."""
+    """The textures of a theme, which must have some."""
     assert theme.textures is not None
     return theme.textures
 
@@ -107,7 +107,7 @@ def prepare(
     camera: Camera,
     kind: ImageKind,
 ) -> TexturedColumns:
-    """Look up what each column shows; the arguments are those of `image_columns.prepare`."""
+    """Look up what each column shows; for the arguments, see `image_columns.prepare`."""
     textures = textures_of(theme)
     walls, places = textures.walls, textures.sampling
     assert hits.side is not None
@@ -117,7 +117,7 @@ def prepare(
         depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
     camera = camera.at(places.wall)
     across = entry(walls.across, material)
-    # Texel columns run from left to right as seen, over all tiles of a wall.
+    # Texel columns run from left to right in the image, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
     tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
@@ -128,7 +128,7 @@ def prepare(
         begin = entry(walls.begin, material)
         texel = jnp.clip(texel, begin, begin + entry(walls.length, material) - 1)
     texel = (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
-    # No seams, for pictures have some of their own: light as in the middle of a tile.
+    # Pictures have their own seams, so use the light of the middle of a tile.
     light = theme.light.wall(depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
     height = entry(walls.height, material)
     down = entry(walls.down, material)
@@ -161,12 +161,12 @@ def of_walls(camera: Camera, places: Sampling) -> Camera:
 def _whole_columns(
     heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """float32[W] three times: where other rays of a column meet the plane of its wall.
+    """Where other rays of a column meet the plane of its wall.
 
     Returns:
-        The depth at the place of `Sampling.wall`; the depth that tells upper and lower edge, which
-        go from end to end of a wall; and, for the first of them, what `Hits.along` is for the hit:
-        it may lie beyond the tile.
+        float32[W] each: the depth at the point `Sampling.wall`; the depth that determines the upper
+        and the lower edge of the wall; and the counterpart of `Hits.along` for the first depth,
+        which can be beyond the tile.
     """
     assert hits.side is not None
     finder, half = of_walls(camera, places), camera.width / places.screen / 2
@@ -181,7 +181,7 @@ def _whole_columns(
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """The component of each ray through its wall, and the one along it."""
+    """The component of each ray perpendicular to its wall, and the one along it."""
     x, y = ray
     return jnp.where(hits.horizontal, y, x), jnp.where(hits.horizontal, x, y)
 
@@ -202,12 +202,12 @@ def project(
     camera: Camera,
     kind: ImageKind,
 ) -> TexturedLayers:
-    """What the chosen billboards show in each column; as `sprites.project`."""
+    """The texels of the chosen billboards in each column, like `sprites.project`."""
     del kind
     textures = textures_of(theme)
     cutouts = textures.cutouts
     camera = camera.at(textures.sampling.thing)
-    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
+    # A separate stage: some compilers would fuse it with the fetch, whose loop is scalar.
     texels = staged(partial(_texels, theme=theme, camera=camera))
     column, base = texels(spots, wall_depth)
     opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
@@ -226,7 +226,7 @@ def project(
 def _texels(
     spots: Spots, wall_depth: jax.Array, *, theme: Theme, camera: Camera
 ) -> tuple[jax.Array, jax.Array]:
-    """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
+    """int32[K, W] each: the column of `Cutouts.opaque`, and its topmost texel in the atlas."""
     textures = textures_of(theme)
     cutouts, depth = textures.cutouts, spots.depth(theme)
     width = entry(cutouts.width, spots.picture)
@@ -243,7 +243,7 @@ def _texels(
 def _columns_seen(
     spots: Spots, width: jax.Array, cutouts: Cutouts, sampling: Sampling, camera: Camera
 ) -> tuple[jax.Array, jax.Array]:
-    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
+    """The picture column int32[K, W] in each image column, and bool[K, W]: whether there is one."""
     slopes = camera.column_slopes()
     if not sampling.screen:
         across = spots.stretch * jnp.asarray(slopes)[None] + spots.start
@@ -262,8 +262,8 @@ def _columns_seen(
         )
         for side in (left, right)
     )
-    # Such screens step through a picture by 65536ths of a column, rounded down. Floats give the
-    # same whole number as long as a picture has fewer than 512 columns.
+    # Such a screen steps through a picture in 65536ths of a column, rounded down. Floats give the
+    # same integers if a picture has fewer than 512 columns.
     step = (right - left).astype(jnp.float32) * 65536 / jnp.maximum(after - first, 1)
     first, after = first.astype(jnp.int32), after.astype(jnp.int32)
     texel = left + ((column - first) * step.astype(jnp.int32) >> 16)
@@ -274,7 +274,7 @@ def _columns_seen(
 def paint_rows(
     theme: Theme, camera: Camera, kind: ImageKind, lift: jax.Array | None = None
 ) -> TexturedRows:
-    """What the rows of floor and ceiling have in common; on the host, but for a lifted eye."""
+    """The values that the pixels of each row share; on the host unless the eye can be lifted."""
     del kind
     textures = textures_of(theme)
     flats, places = textures.flats, textures.sampling
@@ -295,7 +295,7 @@ def _plane(camera: Camera) -> np.ndarray:
 def paint(
     columns: TexturedColumns, rows: TexturedRows, scene: Scene, camera: Camera, kind: ImageKind
 ) -> jax.Array:
-    """int32[height, width + extra]: the index in the atlas of each pixel."""
+    """int32[height, width + extra]: the atlas index of each pixel."""
     del kind
     stage = partial(_indices, rows=rows, theme=scene.theme, camera=camera)
     return staged(stage)(scene.position, columns)
@@ -332,7 +332,7 @@ def _floor_and_ceiling(
     textures: Textures,
     camera: Camera,
 ) -> jax.Array:
-    """int32[height, width] of floor and ceiling, as if they filled the image."""
+    """int32[height, width]: floor and ceiling, as if they filled the image."""
     flats = textures.flats
     plane = _plane(camera.at(textures.sampling.plane))
     width, height = (np.asarray(side)[plane] for side in (flats.width, flats.height))
@@ -346,10 +346,10 @@ def _floor_and_ceiling(
 
 
 def _billboards(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
-    """The image with the billboards over it, the farthest first."""
+    """The image with the billboards painted on it, from far to near."""
     for k in reversed(range(layers.scale.shape[0])):
         texel = whole(layers.scale[k] * below + layers.offset[k])
-        # Bits of another word are past the end of this one, and then not set.
+        # A texel of another word is beyond the end of this word, where bits count as 0.
         words = enumerate(layers.opaque)
         there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
         covers = functools.reduce(jnp.logical_or, there)
@@ -358,13 +358,13 @@ def _billboards(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> j
 
 
 def colours(index: jax.Array, theme: Theme, camera: Camera, kind: ImageKind) -> jax.Array:
-    """The image of the indices: uint8[height, width, 3], or uint8[height, width] of greys."""
+    """The image for these indices: uint8[height, width, 3], or grey uint8[height, width]."""
     textures = textures_of(theme)
     samples = textures.sampling.samples
     words = staged(partial(_fetched, atlas=textures.atlas))(index)[:, : samples * camera.width]
     if samples == 2:
         left, right = words[:, 0::2], words[:, 1::2]
-        # Half of what differs, without its lowest bits, which would fall into another channel.
+        # The mean of each channel. The mask keeps the lowest bit of a channel out of the next one.
         words = (left & right) + ((left ^ right) >> 1 & jnp.uint32(0x7F7F7F))
     if kind == "gray":
         return luma(words).astype(jnp.uint8)
@@ -372,5 +372,5 @@ def colours(index: jax.Array, theme: Theme, camera: Camera, kind: ImageKind) -> 
 
 
 def _fetched(index: jax.Array, *, atlas: np.ndarray) -> Any:
-    # As numbers without a sign, which need no look whether they count from the end.
+    # Unsigned indices need no check for negative values.
     return jnp.asarray(atlas).at[index.astype(jnp.uint32)].get(mode="promise_in_bounds")

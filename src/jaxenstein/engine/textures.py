@@ -1,7 +1,7 @@
-"""Pictures on walls, floor, ceiling and billboards: an atlas of texels, and tables of its parts.
+"""Textures of walls, floor, ceiling and billboards: an atlas of texels, and tables that index it.
 
-The atlas holds every texel in every shade, so a pixel is one word fetched from it. A picture's
-texels lie column by column, each from top to bottom.
+The atlas holds every texel in every shade, so a pixel is one word of it. The texels of a picture
+are stored column by column, each from top to bottom.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from .level import WORD, Array
 from .shade import pack_rgb
 
 SHADES = 32
-"""Steps of brightness; 0 is full light."""
+"""Levels of brightness; shade 0 is full light."""
 Place = tuple[float, float]
-"""(column, row) within a pixel, from 0 at its left and upper edge to 1."""
+"""A point (column, row) in a pixel, from (0, 0) at the upper left corner to (1, 1)."""
 CENTRE: Place = (0.5, 0.5)
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Where in a pixel a ray looks.
+    """The point of a pixel at which textures are sampled.
 
     Attributes:
-        wall: of walls; the row decides where a wall begins and ends as well.
-        plane: of floor and ceiling.
-        thing: of billboards.
-        light_row: row at which the light of floor and ceiling is taken.
-        samples: 1, or 2 for the mean of two halves of each pixel, left and right, of which the
-            columns above are places.
-        screen: columns of a screen on which walls and billboards begin and end at whole columns,
-            as in old games; the image's are taken out of them. 0 for exact places.
+        wall: the point for walls; its row also decides where a wall begins and ends.
+        plane: the point for floor and ceiling.
+        thing: the point for billboards.
+        light_row: the row at which the light of floor and ceiling is computed.
+        samples: 1, or 2 to average the left and the right half of each pixel; the points above are
+            then points of each half.
+        screen: the width of a screen on which walls and billboards begin and end at whole columns,
+            as in old games; the columns of the image are some of its columns. 0 for exact edges.
     """
 
     wall: Place = CENTRE
@@ -48,18 +48,18 @@ class Sampling:
 
 
 class Materials(PyTreeNode):
-    """Pictures on walls, from the wall's top on down and repeated both ways; M of them.
+    """M pictures on walls, which start at the top of the wall and repeat both ways.
 
     Attributes:
-        first: int32[M], the picture's first texel in the atlas.
-        width: int32[M], in texels; a power of two, as the height.
-        height: int32[M].
-        across: int32[M], texels a tile from left to right.
-        down: float32[M], texels a tile from top to bottom.
+        first: int32[M], the first texel of the picture in the atlas.
+        width: int32[M], in texels, a power of two.
+        height: int32[M], in texels, a power of two.
+        across: int32[M], texels per tile from left to right.
+        down: float32[M], texels per tile from top to bottom.
         offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map.
-        begin: int32[M], the texel column at which a wall begins, before the offset is added; None
-            if walls have no ends.
-        length: int32[M], texel columns of it; likewise.
+        begin: int32[M], the texel column at which the wall begins, before the offset is added;
+            None if walls have no ends.
+        length: int32[M], the length of the wall in texel columns; None if walls have no ends.
     """
 
     first: np.ndarray
@@ -73,14 +73,14 @@ class Materials(PyTreeNode):
 
 
 class Flats(PyTreeNode):
-    """Pictures of the ceiling and of the floor, in this order, north up.
+    """Pictures of the ceiling and the floor, in this order, with north at the top.
 
     Attributes:
-        first: int32[2], the picture's first texel in the atlas.
-        width: int32[2], in texels; a power of two, as the height.
-        height: int32[2].
-        scale: float32[2, 2], texels a tile along x and along y.
-        origin: float32[2, 2], texels added to both.
+        first: int32[2], the first texel of the picture in the atlas.
+        width: int32[2], in texels, a power of two.
+        height: int32[2], in texels, a power of two.
+        scale: float32[2, 2], texels per tile along x and along y.
+        origin: float32[2, 2], texels added along x and along y.
     """
 
     first: np.ndarray
@@ -91,22 +91,22 @@ class Flats(PyTreeNode):
 
 
 class Cutouts(PyTreeNode):
-    """Pictures of billboards of any size with transparent texels; S of them, in C columns.
+    """S pictures of billboards, of any size and with transparent texels, in C columns in total.
 
     Attributes:
-        first: int32[S], the picture's first texel in the atlas.
+        first: int32[S], the first texel of the picture in the atlas.
         width: int32[S], in texels.
-        height: int32[S].
+        height: int32[S], in texels.
         half_width: float32[S], tiles from the middle to either side.
-        top: float32[S], tiles from the eye's height down to the upper edge.
-        bottom: float32[S], and to the lower one.
-        bright: bool[S], whether it is shown in full light.
-        column: int32[S], its first column in `opaque`.
-        opaque: uint32[words, C + 1], the opaque texels of each column as bits of one word or more,
-            the greatest bit of the first word on top; the last column is empty.
-        left: int32[S], the first column of the picture without the empty ones that centre it, for
-            `Sampling.screen`; None for 0.
-        right: int32[S], the column after its last one; None for the width.
+        top: float32[S], tiles from the height of the eye down to the upper edge.
+        bottom: float32[S], tiles from the height of the eye down to the lower edge.
+        bright: bool[S], whether the picture is always in full light.
+        column: int32[S], the first column of the picture in `opaque`.
+        opaque: uint32[words, C + 1], the opaque texels of each column as bits of one or more words;
+            the highest bit of the first word is the top. The last column is empty.
+        left: int32[S], for `Sampling.screen`: the first column after the empty columns that centre
+            the picture; None for 0.
+        right: int32[S], the column after the last such column; None for the width.
     """
 
     first: np.ndarray
@@ -123,17 +123,17 @@ class Cutouts(PyTreeNode):
 
 
 class Textures(PyTreeNode):
-    """The pictures of a `scene.Theme`, in numpy: constants of the program.
+    """The pictures of a `scene.Theme` in numpy, which are constants of the program.
 
     Attributes:
         atlas: uint32[SHADES * T], packed colours; texel t in shade s is at s * T + t.
-        walls: pictures on walls.
-        of_wall: int32[n], row of `walls` for each entry of `Level.walls`.
-        of_face: int32[4, R, C], row of `walls` for each face of a level of that size, margin
-            included, in the order west, east, north, south; None to ask `of_wall`.
-        flats: pictures of ceiling and floor.
-        cutouts: pictures of billboards, in the order of `Sprites.picture`.
-        sampling: where in a pixel rays look.
+        walls: the pictures on walls.
+        of_wall: int32[n], the row of `walls` for each entry of `Level.walls`.
+        of_face: int32[4, R, C], the row of `walls` for each face of a level of that size, margin
+            included, in the order west, east, north, south; None to use `of_wall`.
+        flats: the pictures of ceiling and floor.
+        cutouts: the pictures of billboards, in the order of `Sprites.picture`.
+        sampling: the points of a pixel at which textures are sampled.
     """
 
     atlas: np.ndarray
@@ -146,16 +146,16 @@ class Textures(PyTreeNode):
 
     @property
     def size(self) -> int:
-        """Texels of one shade."""
+        """The number of texels in one shade."""
         return len(self.atlas) // SHADES
 
     def __repr__(self) -> str:
-        """Short, as that of `scene.Theme`."""
+        """A short form, as for `scene.Theme`."""
         return f"Textures({self.size} texels)"
 
 
 def darkened(picture: np.ndarray, shade: int) -> np.ndarray:
-    """uint32[height, width]: packed colours of [height, width, 3] in a shade: a factor."""
+    """uint32[height, width]: the packed colours of [height, width, 3] in a shade."""
     light = np.float32(1 - shade / SHADES)
     return pack_rgb(list(np.moveaxis(picture, -1, 0).astype(np.float32)), light)
 
@@ -163,11 +163,11 @@ def darkened(picture: np.ndarray, shade: int) -> np.ndarray:
 def build_atlas(
     pictures: Sequence[np.ndarray], paint: Callable[[np.ndarray, int], np.ndarray] = darkened
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The atlas of some pictures, and int32[pictures], the first texel of each.
+    """The atlas of pictures, and int32[pictures]: the first texel of each.
 
     Args:
-        pictures: [height, width, ...] each, of what `paint` takes; the atlas keeps one object once.
-        paint: a function of (picture, shade) that gives uint32[height, width] of words 0x00BBGGRR.
+        pictures: arrays [height, width, ...] that `paint` accepts; the atlas holds an object once.
+        paint: a function of (picture, shade) that returns words uint32[height, width] 0x00BBGGRR.
     """
     places: dict[int, int] = {}
     parts, size = [], 0
@@ -182,7 +182,7 @@ def build_atlas(
 
 
 def pack_opaque(masks: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """`Cutouts.column` and `Cutouts.opaque` of the bool[height, width] of each picture."""
+    """`Cutouts.column` and `Cutouts.opaque` for masks bool[height, width] of pictures."""
     words = max(-(-len(mask) // WORD) for mask in masks)
     weights = np.left_shift(np.uint32(1), np.arange(WORD, dtype=np.uint32)[::-1])[:, None]
     columns = []
@@ -196,20 +196,20 @@ def pack_opaque(masks: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sides_of(pictures: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """int32[n] twice: the widths and the heights of pictures."""
+    """The widths int32[n] and the heights int32[n] of pictures."""
     heights, widths = zip(*(picture.shape[:2] for picture in pictures), strict=True)
     return np.array(widths, np.int32), np.array(heights, np.int32)
 
 
 def shade_of(light: Any) -> Any:
-    """int32: the shade that is nearest to a light from 0 to 1; numpy in, numpy out."""
+    """int32: the shade nearest to a light from 0 to 1; NumPy in, NumPy out."""
     xp = np if isinstance(light, np.ndarray) else jnp
     step = xp.rint((1 - light) * np.float32(SHADES))
     return xp.clip(step, 0, SHADES - 1).astype(np.int32)
 
 
 def entry(table: Array, index: Any) -> Any:
-    """Entries of a table [n] without looking up those that are the same in all of it."""
+    """Entries of a table [n]; a table of equal entries needs no lookup."""
     values = np.asarray(table)
     if (values == values[0]).all():
         return jnp.full(index.shape, values[0])

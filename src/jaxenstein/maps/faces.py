@@ -204,12 +204,12 @@ def _check_shape(tilemap: TileMap, page: Page) -> None:
         row = number - page.first_line
         if row == tilemap.rows or len(line) > tilemap.columns:
             extra = None if row == tilemap.rows else tilemap.columns + 1
-            raise _misfit(tilemap, page, number, extra)
+            raise _size_error(tilemap, page, number, extra)
     if len(page.lines) < tilemap.rows or page.width < tilemap.columns:
-        raise _misfit(tilemap, page, page.first_line + len(page.lines) - 1, None)
+        raise _size_error(tilemap, page, page.first_line + len(page.lines) - 1, None)
 
 
-def _misfit(tilemap: TileMap, page: Page, line: int, column: int | None) -> MapError:
+def _size_error(tilemap: TileMap, page: Page, line: int, column: int | None) -> MapError:
     return MapError(
         f"{page.width} columns and {len(page.lines)} rows do not fit the map, "
         f"which has {tilemap.columns} and {tilemap.rows}",

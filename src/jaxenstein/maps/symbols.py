@@ -229,14 +229,14 @@ def characters(known: Collection[str]) -> str:
     Args:
         known: the characters; either all decals or none.
     """
-    return " ".join(shown for shown, symbol in _shown() if symbol.character in known)
+    return " ".join(shown for shown, symbol in _printed_symbols() if symbol.character in known)
 
 
 def legend() -> str:
     """The symbols of text maps as a table, one per line, with one line for all decals."""
     last = SYMBOLS[TILE_CHARACTERS[DECAL_LABELS[-1]]]
     lines = []
-    for shown, symbol in _shown():
+    for shown, symbol in _printed_symbols():
         meaning = f"in shooters: {symbol.meaning}" if symbol.role else symbol.meaning
         if symbol.label in DECAL_LABELS:
             codes = f"U+{ord(symbol.character):04X} to U+{ord(last.character):04X}"
@@ -245,7 +245,7 @@ def legend() -> str:
     return "\n".join(lines)
 
 
-def _shown() -> Iterator[tuple[str, Symbol]]:
+def _printed_symbols() -> Iterator[tuple[str, Symbol]]:
     """Each symbol with the printed form of its character; only the first decal."""
     last = TILE_CHARACTERS[DECAL_LABELS[-1]]
     for character, symbol in SYMBOLS.items():

@@ -50,7 +50,7 @@ class BenchmarkError(RuntimeError):
     """A measuring process failed; the message is the last line of its output."""
 
 
-def measure_apart(settings: Settings) -> dict[str, Any]:
+def measure_in_process(settings: Settings) -> dict[str, Any]:
     """Measure one configuration in its own process; see `measure` for the result.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A theme in images of the user's own: what has none is drawn as the theme has it."""
+"""A theme with images of your own. Surfaces and things without an image keep their usual look."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ from ..errors import SettingError
 from ..images import Images, Picture, power_of_two
 
 MOST_TEXELS = 1 << 20
-"""Texels of all images together: 128 MiB in all shades."""
-# Of the depth at which floor and ceiling have a shade, what a wall in it is at least: its direction
-# may have made it darker.
+"""The maximum number of texels of all images together: 128 MiB in all shades."""
+# A wall in some shade is at least this share of the depth at which floor and ceiling have that
+# shade, because some walls are darker than the floor at the same depth.
 WALL_SHARE = 0.5
 
 
 def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
-    """A theme of constant colours with textures.
+    """Add textures to a theme of constant colours.
 
-    An image on a wall is as high as the wall and repeats across, every so many tiles as keep its
-    shape, to the next power of two. A square one is as wide as the wall is high: one tile. On
-    floor and ceiling an image covers a square as wide. On a thing it is as high as the thing's own
-    picture; alpha below 128 is transparent.
+    An image on a wall is as high as the wall. Its width in tiles follows from its aspect ratio,
+    rounded to a power of two, and it repeats across: a square image covers one tile of a wall that
+    is one tile high. On floor and ceiling an image covers a square of about that size. On a thing
+    it is as high as the thing's usual picture; alpha below 128 is transparent.
 
-    Images are smoothed for what is far: a shade has the texels of a pixel at the depth that it
-    stands for.
+    Distant images are smoothed: the texels of each shade are averages over a pixel at the depth
+    that has this shade.
 
     Raises:
         SettingError: the images have more than `MOST_TEXELS` together.
@@ -71,7 +71,7 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
     )
     depths = depth_of_shades(theme.light)
     near = WALL_SHARE * depths / camera.row_focal
-    # Floor and ceiling are seen at a slant, which makes a pixel on them the longer.
+    # Floor and ceiling are seen at a slant, so a pixel covers a longer piece of them.
     far = depths / camera.row_focal * np.sqrt(np.maximum(depths / camera.eye, 1))
     sizes = [*(np.outer(near, rates) for rates in zip(across, down, strict=True))]
     sizes += [np.outer(far, scale) for scale in scales]
@@ -101,7 +101,7 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
 
 
 def depth_of_shades(light: Light) -> np.ndarray:
-    """float[32]: the depth in tiles at which floor and ceiling have each shade; inf if none."""
+    """float[32]: the depth in tiles at which floor and ceiling get each shade; inf if never."""
     depth = np.geomspace(0.01, 256, 4096, dtype=np.float32)
     shades = shade_of(light.plain(depth))
     first = np.searchsorted(np.maximum.accumulate(shades), np.arange(SHADES))
@@ -109,11 +109,11 @@ def depth_of_shades(light: Light) -> np.ndarray:
 
 
 def smoothed(picture: np.ndarray, across: float, down: float) -> np.ndarray:
-    """float[height, width, 3]: the mean of so many texels around each; the picture repeats."""
+    """float[height, width, 3]: the mean of `across` by `down` texels; the picture repeats."""
     image = picture.astype(np.float64)
     for axis, wanted in ((0, down), (1, across)):
         length = picture.shape[axis]
-        # An odd number of them, or all.
+        # An odd number of texels, or all.
         count = length if wanted >= length else 2 * round((max(wanted, 1) - 1) / 2) + 1
         if count >= length:
             image = np.broadcast_to(image.mean(axis=axis, keepdims=True), picture.shape)
@@ -128,13 +128,13 @@ def smoothed(picture: np.ndarray, across: float, down: float) -> np.ndarray:
 
 
 def _shared(pictures: list[np.ndarray]) -> list[np.ndarray]:
-    """The same pictures, those that are equal as one object, which the atlas keeps once."""
+    """The same pictures, with equal ones as one object, which the atlas holds once."""
     known: dict[tuple[tuple[int, ...], bytes], np.ndarray] = {}
     return [known.setdefault((one.shape, one.tobytes()), one) for one in pictures]
 
 
 def _across(own: Picture | None, wall: float, picture: np.ndarray) -> int:
-    """Texels a tile, of an image on a wall of a height in tiles."""
+    """Texels per tile of an image on a wall; `wall` is its height in tiles."""
     width = picture.shape[1]
     if own is None:
         return width
@@ -142,13 +142,13 @@ def _across(own: Picture | None, wall: float, picture: np.ndarray) -> int:
 
 
 def _scale(label: int, flat: np.ndarray, own: Mapping[int, Picture], span: float) -> np.ndarray:
-    """float32[2]: texels a tile along x and y."""
+    """float32[2]: texels per tile along x and y."""
     tiles = span if label in own else 2
     return np.array([flat.shape[1] / tiles, flat.shape[0] / tiles], np.float32)
 
 
 def _over(own: Picture, colour: np.ndarray) -> np.ndarray:
-    """uint8[height, width, 3]: an image over a colour, which shows where it is transparent."""
+    """uint8[height, width, 3]: an image over a colour, which shows through transparent pixels."""
     alpha = own.pixels[..., 3:] / np.float32(255)
     return _rounded(own.pixels[..., :3] * alpha + colour * (1 - alpha))
 
@@ -176,7 +176,7 @@ def _wall(theme: Theme, label: int, own: Picture | None) -> np.ndarray:
 
 
 def _bits(planes: np.ndarray) -> np.ndarray:
-    """bool[2, 32, 32] of uint32[2, 32], planes by column with the greatest bit on top."""
+    """bool[2, 32, 32] from uint32[2, 32]: planes by column, with the highest bit on top."""
     bits = planes[:, None, :] >> np.arange(SIZE, dtype=np.uint32)[::-1][None, :, None]
     return (bits & np.uint32(1)).astype(bool)
 
@@ -197,7 +197,7 @@ def _ceiling(theme: Theme, own: Picture | None) -> np.ndarray:
 
 
 def _thing(theme: Theme, picture: int, own: Picture | None) -> np.ndarray:
-    """uint8[height, width, 4] of a picture of the theme's billboards."""
+    """uint8[height, width, 4]: the picture of a billboard of the theme."""
     if own is not None:
         return own.pixels
     shape, detail = _bits(np.asarray(theme.sprite_art[picture]))

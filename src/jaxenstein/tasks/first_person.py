@@ -31,7 +31,7 @@ from .draws import sample_seed
 from .dressing import dressed
 from .levels import read_level
 from .looks import Look, patterned, randomised
-from .splits import Split, fingerprint, first_right, is_of
+from .splits import Split, fingerprint, first_accepted, is_in_split
 from .steering import SteeringParams
 
 ObservationKind = Literal["rgb", "gray", "depth", "labels", "dict"]
@@ -280,12 +280,12 @@ class GeneratedTask(FirstPerson[S, P]):
         if self.split is None:
             return draw(key, params)
 
-        def right(state: S) -> jax.Array:
+        def accepts(state: S) -> jax.Array:
             level = fingerprint(self.level_parts(state))
-            return is_of(str(self.split), float(self.test_fraction), level)
+            return is_in_split(str(self.split), float(self.test_fraction), level)
 
         # A `while_loop` has no reverse-mode derivative.
-        return first_right(draw, right, needed, key, jax.lax.stop_gradient(params))
+        return first_accepted(draw, accepts, needed, key, jax.lax.stop_gradient(params))
 
     def reset_where(self, over: jax.Array, key: jax.Array, state: S, params: P) -> S:
         """As `Environment.reset_where`, but samples only the needed levels, which are expensive."""

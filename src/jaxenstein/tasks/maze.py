@@ -114,7 +114,7 @@ class Maze(Navigation):
             goal=goal,
             apples=apples,
             eaten=jnp.zeros(apples.shape, bool),
-            **self.all_left(),
+            **self.untouched(),
         )
 
     def transition(
@@ -137,7 +137,7 @@ class Maze(Navigation):
             position=self._sample_start(bits[0], state.goal),
             heading=sample_heading(bits[1], self.heading),
             eaten=jnp.zeros_like(state.eaten),
-            **self.all_left(),
+            **self.untouched(),
         )
         state = jax.tree.map(lambda a, b: jnp.where(reached, a, b), anew, state)
         return state, reward, jnp.zeros_like(reached), events | {"respawned": reached}
@@ -162,11 +162,11 @@ class Maze(Navigation):
             lasting=(*about.lasting, "eaten"),
             holds={
                 **about.holds,
-                "apples are in different, existing cells": self._apples_apart,
+                "apples are in different, existing cells": self._apples_are_valid,
             },
         )
 
-    def _apples_apart(self, state: MazeState) -> jax.Array:
+    def _apples_are_valid(self, state: MazeState) -> jax.Array:
         cells = jnp.sort(state.apples)
         inside = (cells >= 0) & (cells < len(self.apple_cells))
         return jnp.all(inside) & jnp.all(cells[1:] != cells[:-1])

@@ -144,9 +144,9 @@ class Navigation(KeysAndDoorsTask[NavigationState], MapGoalTask[NavigationState]
     def init_state(self, key: jax.Array, params: NavigationParams) -> NavigationState:
         """Sample start, heading and goal, each uniformly."""
         del params
-        return NavigationState(**self.sample_start(key), **self.all_left())
+        return NavigationState(**self.sample_start(key), **self.untouched())
 
-    def all_left(self) -> dict[str, jax.Array]:
+    def untouched(self) -> dict[str, jax.Array]:
         """Fields of the state: all doors closed, no key taken."""
         doors, keys = len(self.tilemap.doors), len(self.tilemap.keys)
         return {"opened": jnp.zeros(doors, bool), "taken": jnp.zeros(keys, bool)}

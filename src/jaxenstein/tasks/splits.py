@@ -46,15 +46,15 @@ def fingerprint(parts: Sequence[jax.Array]) -> jax.Array:
     return mixed(jnp.sum(mixed(words[None] ^ keys), axis=1, dtype=jnp.uint32))
 
 
-def is_of(split: str, fraction: float, level: Any) -> Any:
-    """bool[]: whether a level is on a side, `"train"` or `"test"`.
+def is_in_split(split: str, fraction: float, level: Any) -> Any:
+    """bool[]: whether a level is in a split, `"train"` or `"test"`.
 
     The test levels are those with the smallest hashes, so a larger fraction includes the test
     levels of a smaller one.
 
     Args:
-        split: the side.
-        fraction: the fraction of all levels on the test side.
+        split: the split.
+        fraction: the fraction of all levels in the test split.
         level: uint32[2], a hash from `fingerprint`, as a JAX or NumPy array.
     """
     bound = min(max(round(fraction * 2**32), 1), 2**32 - 1)
@@ -62,20 +62,20 @@ def is_of(split: str, fraction: float, level: Any) -> Any:
     return held_out if split == "test" else ~held_out
 
 
-def first_right(
+def first_accepted(
     draw: Callable[[jax.Array, Any], T],
-    right: Callable[[T], jax.Array],
+    accepts: Callable[[T], jax.Array],
     needed: jax.Array,
     key: jax.Array,
     given: Any,
 ) -> T:
-    """Draw until a draw is right, first from `key` and then from keys derived from it.
+    """Draw until a draw is accepted, first from `key` and then from keys derived from it.
 
-    Returns the last draw if none of `MOST_TRIES` is right, and zeros if none is needed.
+    Returns the last draw if none of `MOST_TRIES` is accepted, and zeros if none is needed.
 
     Args:
         draw: a function of a key and `given`.
-        right: a function of a draw that returns bool[].
+        accepts: a function of a draw that returns bool[].
         needed: bool[], whether a draw is needed at all.
         key: a random key that is not used elsewhere.
         given: passed to `draw`.
@@ -90,7 +90,7 @@ def first_right(
     ) -> tuple[jax.Array, jax.Array, jax.Array, T]:
         key, tries, _, _ = carry
         drawn = varying(draw(key, given), key, given, needed)
-        return jax.random.fold_in(key, _AGAIN), tries + 1, right(drawn), drawn
+        return jax.random.fold_in(key, _AGAIN), tries + 1, accepts(drawn), drawn
 
     nothing = zeros(jax.eval_shape(draw, key, given))
     start = varying((jnp.int32(0), ~needed, nothing), key, given, needed)

@@ -1,4 +1,4 @@
-"""Rollouts of random frames, and what the tests of all bonuses do with them."""
+"""Rollouts of random frames, and helpers for the tests of all bonuses."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class VisitsState(PyTreeNode):
 
 
 class Visits:
-    """Of two parts: the steps so far in an environment, and a power of them."""
+    """A bonus of two parts: the number of steps in an environment, and a power of it."""
 
     value_heads = 3
 
@@ -76,7 +76,7 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("visits", "plain_frames")
-def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> None:
+def test_custom_bonus_trains_stops_and_resumes(tmp_path: Path) -> None:
     pytest.importorskip("orbax.checkpoint")
     from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
@@ -109,7 +109,7 @@ def test_a_bonus_of_ones_own_is_trained_stopped_and_resumed(tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("visits")
-def test_every_part_of_a_bonus_has_returns_of_its_own() -> None:
+def test_each_part_of_a_bonus_has_its_own_returns() -> None:
     rng = np.random.default_rng(0)
     value = rng.normal(size=(STEPS + 1, BATCH, 3)).astype(np.float32)
     reward = rng.normal(size=(STEPS, BATCH)).astype(np.float32)
@@ -149,13 +149,13 @@ def test_every_part_of_a_bonus_has_returns_of_its_own() -> None:
         ("visits", False, (2,)),
     ],
 )
-def test_the_loop_zeroes_scales_and_weighs_a_bonus(
+def test_loop_zeroes_scales_and_weighs_a_bonus(
     algo: str, own: bool, parts: tuple[int, ...]
 ) -> None:
     loop = loop_of(algo, normalise_bonus=True, bonus_values=own)
     assert loop.parts == parts
     numbers, data = numbers_of(algo, bonus_reward=2.0), experience()
-    state: Any = before_the_first(loop)
+    state: Any = initial_train_state(loop)
     totals, total = [], np.zeros((BATCH, *loop.parts))
     for _ in range(2):
         raw, _, _ = loop.bonus.reward(state.bonus, numbers, data)
@@ -173,8 +173,8 @@ def test_the_loop_zeroes_scales_and_weighs_a_bonus(
     assert any(jax.tree.leaves(inside.bonus)) == (algo in ("e3b", "visits"))
 
 
-def before_the_first(loop: Any) -> Any:
-    """A state before the first update of which only the bonus' parts are there."""
+def initial_train_state(loop: Any) -> Any:
+    """A state before the first update that has only the parts of the bonus."""
     from jaxenstein.baselines.state import TrainState
 
     nothing: Any = None
@@ -194,13 +194,15 @@ def before_the_first(loop: Any) -> Any:
         ("own", (), {"bonus_rewrad": (1.0,)}, "number in a grid: 'bonus_rewrad', did you"),
     ],
 )
-def test_rows_that_cannot_be(name: str, options: Any, grid: Any, message: str) -> None:
+def test_invalid_registrations_are_refused(
+    name: str, options: Any, grid: Any, message: str
+) -> None:
     with pytest.raises(SettingError, match=message):
         register_bonus(name, Visits, *options, grid=grid)
 
 
 @pytest.mark.usefixtures("visits")
-def test_the_options_of_a_bonus_are_checked() -> None:
+def test_bonus_options_are_checked() -> None:
     with pytest.raises(SettingError, match="visits_power must be a whole number"):
         Config(algo="visits", bonus={"visits_power": 2.5})
     with pytest.raises(SettingError, match="must be one of 'steps', 'turns', not 'turn', did you"):
@@ -226,10 +228,10 @@ def test_options_of_other_bonuses_are_left_out() -> None:
     assert numbers.flat()["rnd_loss"] == 2
 
 
-def test_commands_know_a_bonus_of_a_module_that_they_import(
+def test_commands_find_a_bonus_in_an_imported_module(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Also where the flag that names the module stands behind those of the bonus."""
+    """Even if the flag that names the module comes after the flags of the bonus."""
     monkeypatch.setattr(table, "_ALGORITHMS", dict(table.algorithms()))
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "my_visits.py").write_text(
@@ -245,7 +247,7 @@ def test_commands_know_a_bonus_of_a_module_that_they_import(
 
 
 @pytest.mark.parametrize("cuts", [[], [1], [3, 4, 90]])
-def test_any_chunking_gives_the_statistics_of_all(cuts: list[int]) -> None:
+def test_merged_chunks_give_the_statistics_of_all_values(cuts: list[int]) -> None:
     values = np.random.default_rng(0).normal(50, 3, (100, 2, 5)).astype(np.float32)
     stats = RunningStats.empty((5,))
     for part in np.split(values, cuts):
@@ -255,14 +257,14 @@ def test_any_chunking_gives_the_statistics_of_all(cuts: list[int]) -> None:
     assert float(stats.count) == 200
 
 
-def test_nothing_seen_is_harmless() -> None:
+def test_empty_statistics_are_harmless() -> None:
     stats = RunningStats.empty((3,))
     np.testing.assert_array_equal(stats.deviation, np.ones(3))
     stats = stats.merge(jnp.ones((4, 3)))
     np.testing.assert_array_equal(stats.variance, np.zeros(3))
 
 
-def test_a_bonus_scale_that_forgets_weighs_rollouts_by_their_age() -> None:
+def test_decaying_bonus_scale_weighs_rollouts_by_age() -> None:
     rng = np.random.default_rng(2)
     scale, rollouts = BonusScale.empty(3), []
     for size in (100.0, 1.0, 1.0, 1.0):

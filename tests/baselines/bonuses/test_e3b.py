@@ -1,4 +1,4 @@
-"""E3B against inverses of the whole matrix, computed anew for every step."""
+"""E3B against inverses of the whole matrix, recomputed for every step."""
 
 import jax
 import jax.numpy as jnp
@@ -32,13 +32,13 @@ def embeddings(bonus, state, data):
 
 
 @pytest.mark.parametrize("ridge", [0.1, 2.0])
-def test_e3b_is_the_quadratic_form_of_the_episodes_inverse(ridge):
+def test_e3b_is_the_quadratic_form_of_the_inverse_covariance(ridge):
     bonus = bonus_of("e3b")
     state, reward = bonus.init(KEY), jax.jit(bonus.reward)
     numbers = numbers_of("e3b", e3b_lambda=ridge)
     start = ridge * np.eye(6)
     matrices, counted = [start] * BATCH, 0
-    # Episodes go on from one rollout to the next.
+    # Episodes continue from one rollout to the next.
     for seed in range(3):
         data = experience(seed)
         phi, ended = embeddings(bonus, state, data), np.asarray(data.ended)
@@ -46,7 +46,7 @@ def test_e3b_is_the_quadratic_form_of_the_episodes_inverse(ridge):
         for t in range(STEPS):
             for n in range(BATCH):
                 if ended[t, n]:
-                    # What it led to begins the next episode.
+                    # The next observation begins the next episode.
                     matrices[n] = start + np.outer(phi[t, n], phi[t, n])
                     continue
                 expected = phi[t, n] @ np.linalg.inv(matrices[n]) @ phi[t, n]
@@ -58,7 +58,7 @@ def test_e3b_is_the_quadratic_form_of_the_episodes_inverse(ridge):
     assert 0 < counted < 3 * STEPS * BATCH
 
 
-def test_embeddings_are_centred_and_of_length_one():
+def test_embeddings_are_centred_unit_vectors():
     bonus = bonus_of("e3b")
     phi = embeddings(bonus, bonus.init(KEY), experience())
     np.testing.assert_allclose(phi.mean(-1), 0, atol=1e-6)
@@ -67,7 +67,7 @@ def test_embeddings_are_centred_and_of_length_one():
 
 
 @BOTH
-def test_training_moves_the_networks_and_not_the_matrices(embedding):
+def test_training_updates_networks_but_not_matrices(embedding):
     bonus = bonus_of("e3b", e3b_embedding=embedding)
     before = bonus.init(KEY)
     after, metrics = train(bonus, before, experience(), numbers_of("e3b"), 1)
@@ -78,7 +78,7 @@ def test_training_moves_the_networks_and_not_the_matrices(embedding):
     assert ("inverse" in before.params) == (embedding == "inverse")
 
 
-def test_the_temporal_loss_tells_neighbours_from_those_of_other_steps():
+def test_temporal_loss_separates_neighbours_from_other_steps():
     rng, (steps, batch) = np.random.default_rng(0), (11, 3)
     phi = rng.normal(size=(steps + 1, batch, 5)).astype(np.float32)
     phi /= np.linalg.norm(phi, axis=-1, keepdims=True)
@@ -101,14 +101,14 @@ def test_the_temporal_loss_tells_neighbours_from_those_of_other_steps():
     np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], np.mean(right), rtol=1e-6)
 
 
-def test_an_embedding_that_is_the_same_for_all_tells_nothing():
+def test_constant_embedding_has_chance_accuracy():
     phi, offset = jnp.ones((STRIDE + 1, 3, 1)), jnp.ones((STRIDE, 3), jnp.int32)
     loss, metrics = temporal_loss(phi, jnp.zeros((STRIDE, 3), bool), offset)
     np.testing.assert_allclose(loss, np.log(3), rtol=1e-6)
     np.testing.assert_allclose(metrics["e3b_temporal_accuracy"], 1 / 3, rtol=1e-6)
 
 
-def test_the_temporal_loss_of_a_rollout_full_of_ends_is_nothing():
+def test_temporal_loss_is_zero_if_every_step_ends_an_episode():
     phi, ended = jnp.ones((5, 2, 3)), jnp.ones((4, 2), bool)
     total = lambda phi: temporal_loss(phi, ended, jnp.ones((4, 2), jnp.int32))[0]  # noqa: E731
     loss, gradient = jax.value_and_grad(total)(phi)
@@ -116,13 +116,13 @@ def test_the_temporal_loss_of_a_rollout_full_of_ends_is_nothing():
     np.testing.assert_array_equal(gradient, jnp.zeros_like(phi))
 
 
-def test_offsets_are_all_from_one_to_the_reach():
+def test_sampled_offsets_cover_one_to_the_reach():
     assert set(np.unique(sample_offsets(KEY, (64, 8), 3))) == {1, 2, 3}
 
 
 @pytest.mark.slow
-def test_what_is_near_in_time_grows_alike_and_the_rest_does_not():
-    # Each environment sees one frame of its own, with a little noise. The eight hidden units of the
+def test_training_pulls_together_only_frames_near_in_time():
+    # Each environment sees its own frame with a little noise. The eight hidden units of the
     # other tests may all die here, by chance of rounding: then all frames are one to them.
     rng = np.random.default_rng(1)
     bonus = bonus_of("e3b", e3b_embedding="temporal", e3b_hidden=64, e3b_latent=16)

@@ -1,4 +1,4 @@
-"""ICM: what it rewards, what it learns."""
+"""ICM: its rewards and its training."""
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +41,7 @@ def test_icm_rewards_the_forward_error():
     assert error.min() > 0
 
 
-def test_icm_trains_on_steps_that_ended_no_episode():
+def test_icm_trains_only_on_steps_within_episodes():
     bonus = bonus_of("icm", minibatches=1)
     data, state = experience(), bonus.init(KEY)
     _, metrics = train(bonus, state, data, numbers_of("icm"), 1)
@@ -57,7 +57,7 @@ def test_icm_trains_on_steps_that_ended_no_episode():
 
 
 @pytest.mark.parametrize("trains", [False, True])
-def test_the_forward_error_trains_the_embedding_only_if_told(trains):
+def test_forward_error_trains_the_embedding_only_if_enabled(trains):
     bonus = bonus_of("icm", icm_forward_trains_encoder=trains)
     data, state = experience(), bonus.init(KEY)
 
@@ -71,7 +71,7 @@ def test_the_forward_error_trains_the_embedding_only_if_told(trains):
 
 
 @pytest.mark.parametrize("algo", ["icm", pytest.param("e3b", marks=pytest.mark.slow)])
-def test_inverse_models_learn_the_actions_of_a_simple_world(algo):
+def test_inverse_models_learn_actions_in_a_simple_world(algo):
     data, numbers = simple_world(), numbers_of(algo)
     sizes = {f"{algo}_hidden": 32, f"{algo}_latent": 16}
     bonus = bonus_of(algo, num_envs=data.action.shape[1], **sizes)

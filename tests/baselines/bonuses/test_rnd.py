@@ -1,4 +1,4 @@
-"""RND: what it rewards, what it learns, what it leaves alone."""
+"""RND: its rewards, its training, and what it does not change."""
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +26,7 @@ def trained():
     return bonus, before, train(bonus, before, experience(), NUMBERS, 150)[0]
 
 
-def test_rnd_rewards_what_a_step_led_to(trained):
+def test_rnd_rewards_the_next_observation(trained):
     bonus, state, _ = trained
     data = experience()
     reward, _, _ = jax.jit(bonus.reward)(state, NUMBERS, data)
@@ -35,7 +35,7 @@ def test_rnd_rewards_what_a_step_led_to(trained):
     assert np.all(np.asarray(error) > 0)
 
 
-def test_rnd_trains_the_predictor_alone(trained):
+def test_rnd_trains_only_the_predictor(trained):
     _, before, after = trained
     for a, b in zip(leaves(before.target), leaves(after.target), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -43,7 +43,7 @@ def test_rnd_trains_the_predictor_alone(trained):
     assert all(not np.array_equal(a, b) for a, b in pairs)
 
 
-def test_rnd_falls_where_it_has_been(trained):
+def test_rnd_error_falls_on_seen_observations(trained):
     bonus, before, after = trained
     seen, unseen = experience(), experience(seed=1)
     wanted = ~np.asarray(seen.ended)
@@ -56,7 +56,7 @@ def test_rnd_falls_where_it_has_been(trained):
     assert fall < 0.8 * other
 
 
-def test_rnd_ignores_the_observations_after_ends(trained):
+def test_rnd_ignores_observations_after_episode_ends(trained):
     bonus, before, _ = trained
     data = experience()
     after_end = jnp.concatenate([jnp.zeros((1, 4), bool), data.ended])
@@ -67,7 +67,7 @@ def test_rnd_ignores_the_observations_after_ends(trained):
         np.testing.assert_allclose(a, b, atol=1e-6)
 
 
-def test_where_every_step_ends_an_episode_nothing_is_learned(trained):
+def test_rnd_learns_nothing_if_every_step_ends_an_episode(trained):
     bonus, before, _ = trained
     data = experience()
     data = data.replace(ended=jnp.ones_like(data.ended))

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines import Experiment, RunFolder, train
-from tests.baselines.tiny import UPDATES, hardly_trained, tiny
+from tests.baselines.tiny import UPDATES, tiny, untrained_run
 
 
 @pytest.fixture(scope="session")
@@ -28,4 +28,4 @@ def whole(
 @pytest.fixture(scope="session")
 def folder(experiment: Experiment, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     """A run before its first update."""
-    return hardly_trained(tmp_path_factory.mktemp("runs") / "tiny", experiment)
+    return untrained_run(tmp_path_factory.mktemp("runs") / "tiny", experiment)

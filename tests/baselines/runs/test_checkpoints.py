@@ -54,7 +54,7 @@ def store(tmp_path: Path) -> Checkpoints:
     return Checkpoints(tmp_path / "checkpoints")
 
 
-def test_state_comes_back_bit_for_bit(store: Checkpoints) -> None:
+def test_state_round_trips_bit_for_bit(store: Checkpoints) -> None:
     assert store.restore(state_of(0)) is None
     store.save(7, state_of(3))
     restored = store.restore(jax.eval_shape(lambda: state_of(0)))
@@ -66,7 +66,7 @@ def test_state_comes_back_bit_for_bit(store: Checkpoints) -> None:
     assert drawn == jax.random.normal(state_of(3)["key"][1])
 
 
-def test_the_newest_two_are_kept(store: Checkpoints) -> None:
+def test_newest_two_checkpoints_are_kept(store: Checkpoints) -> None:
     for update in (2, 9, 10, 11):
         store.save(update, state_of(update))
     assert store.updates() == [10, 11]
@@ -77,7 +77,7 @@ def test_the_newest_two_are_kept(store: Checkpoints) -> None:
 
 
 @pytest.mark.parametrize("damaged", [b"", b"[" * 9999, None])
-def test_a_damaged_checkpoint_is_skipped(store: Checkpoints, damaged: bytes | None) -> None:
+def test_damaged_checkpoint_is_skipped(store: Checkpoints, damaged: bytes | None) -> None:
     store.save(1, state_of(1))
     store.save(2, state_of(2))
     path = store.folder / "2.npz"
@@ -92,7 +92,7 @@ def test_a_damaged_checkpoint_is_skipped(store: Checkpoints, damaged: bytes | No
         store.restore(state_of(0))
 
 
-def test_a_training_may_replace_checkpoints_while_they_are_read(
+def test_training_can_replace_checkpoints_during_a_read(
     store: Checkpoints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for update in (3, 4):
@@ -106,7 +106,7 @@ def test_a_training_may_replace_checkpoints_while_they_are_read(
     assert (restored.update, restored.damaged) == (4, ())
 
 
-def test_a_link_to_nothing_is_a_damaged_checkpoint(store: Checkpoints) -> None:
+def test_dangling_link_is_a_damaged_checkpoint(store: Checkpoints) -> None:
     store.save(1, state_of(1))
     (store.folder / "2.npz").symlink_to("nothing")
     restored = store.restore(state_of(0))
@@ -131,8 +131,8 @@ def test_every_single_damaged_byte_is_noticed_or_harmless(store: Checkpoints) ->
     assert told > len(whole) / 2
 
 
-def test_a_name_that_is_damaged_is_not_taken_for_another_state(store: Checkpoints) -> None:
-    """The directory at the end of the file has every name a second time."""
+def test_damaged_name_is_not_mistaken_for_another_state(store: Checkpoints) -> None:
+    """The directory at the end of the file repeats every name."""
     like = {"kernel": np.zeros(5, np.int32)}
     for update in (1, 2):
         store.save(update, like)
@@ -147,7 +147,7 @@ def test_a_name_that_is_damaged_is_not_taken_for_another_state(store: Checkpoint
 
 
 def test_damaged_checkpoints_of_later_updates_are_removed(store: Checkpoints) -> None:
-    """They would take the places of whole ones."""
+    """They would replace complete checkpoints."""
     like = {"a": np.arange(5)}
     for update in (1, 2):
         store.save(update, like)
@@ -160,8 +160,8 @@ def test_damaged_checkpoints_of_later_updates_are_removed(store: Checkpoints) ->
     assert (restored.update, restored.damaged) == (3, ())
 
 
-def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None:
-    """A header of a petabyte, and a zip that swells."""
+def test_oversized_header_allocates_nothing(store: Checkpoints) -> None:
+    """A header that claims a petabyte, and a zip bomb."""
     store.folder.mkdir()
     header = io.BytesIO()
     huge = {"descr": "<i4", "fortran_order": False, "shape": (10**15,)}
@@ -182,10 +182,8 @@ def test_a_file_that_promises_too_much_costs_nothing(store: Checkpoints) -> None
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_compressions_that_python_unpacks_at_once_are_refused(
-    store: Checkpoints, method: int
-) -> None:
-    """Four hundred bytes of bzip2 are four megabytes, whatever is read of them."""
+def test_only_stored_or_deflated_entries_are_read(store: Checkpoints, method: int) -> None:
+    """Four hundred bytes of bzip2 expand to four megabytes even for a short read."""
     store.folder.mkdir()
     swollen = io.BytesIO()
     np.save(swollen, np.zeros(5, np.int32))
@@ -198,7 +196,7 @@ def test_compressions_that_python_unpacks_at_once_are_refused(
     tracemalloc.stop()
 
 
-def test_another_state_is_refused_with_the_leaf_that_differs(store: Checkpoints) -> None:
+def test_error_names_differing_leaf_of_another_state(store: Checkpoints) -> None:
     store.save(1, state_of(1))
     other = state_of(1) | {"flags": jnp.zeros(3, bool)}
     with pytest.raises(CheckpointError, match=r"\['flags'\] is bool\[2\], not bool\[3\]"):
@@ -216,7 +214,7 @@ def test_another_state_is_refused_with_the_leaf_that_differs(store: Checkpoints)
         store.restore({"more": jnp.zeros(3)}, whole=False)
 
 
-def test_a_killed_write_is_no_checkpoint(store: Checkpoints) -> None:
+def test_killed_write_leaves_no_checkpoint(store: Checkpoints) -> None:
     """A process that is killed while it writes leaves a file that the next one sweeps up."""
     code = f"""
 import os, signal
@@ -235,7 +233,9 @@ store.save(2, {{"a": np.arange(9, dtype=np.int32)}})
     assert sorted(path.name for path in store.folder.iterdir()) == ["1.npz", "3.npz"]
 
 
-def test_too_little_space_is_told_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_little_space_is_reported_early(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     state = {"a": jax.ShapeDtypeStruct((1000, 1000), jnp.float32)}
     assert size_of(state) == 4_000_000
     check_space(tmp_path, {"a": jnp.zeros(10)})

@@ -21,19 +21,19 @@ AGENTS = Path(__file__).parents[3] / "docs" / "agents.json"
 
 @pytest.mark.parametrize("algo", ["ppo", "rnd", "icm"])
 @pytest.mark.parametrize("config", configs())
-def test_the_files_are_experiments(config: str, algo: str) -> None:
+def test_config_files_resolve_to_experiments(config: str, algo: str) -> None:
     flags = ["train", "--out", "x", "--config", config, "--algo", algo]
     experiment = resolve(given_training(build_parser().parse_args(flags)))
     assert experiment.config.algo == algo
     if config.startswith("figure3/"):
-        # What the paper says.
+        # The values of the paper.
         found = experiment.config
         assert len(experiment.runs) == 5
         assert experiment.environment.settings == {"height": 64, "width": 64}
         assert (found.rollout, found.epochs, found.hidden, found.features) == (128, 4, 256, 256)
 
 
-def test_every_configuration_is_listed_with_what_it_trains(capsys: pytest.CaptureFixture) -> None:
+def test_list_shows_every_config(capsys: pytest.CaptureFixture) -> None:
     rows = {row.name: row for row in listed()}
     assert list(rows) == list(configs())
     for name, file in configs().items():
@@ -50,13 +50,15 @@ def test_every_configuration_is_listed_with_what_it_trains(capsys: pytest.Captur
     assert line.split()[:5] == ["key-door-skip6", "key-door", "rnd", "6", "300,000"]
 
 
-def test_every_configuration_that_trained_an_agent_of_the_scoreboard_is_there() -> None:
+def test_configs_of_all_scoreboard_agents_exist() -> None:
     trained = {row["config"] for row in json.loads(AGENTS.read_text("utf-8"))}
     assert len(trained) > 10
     assert trained <= set(configs())
 
 
-def test_names_are_found_and_paths_win(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_are_found_and_paths_take_precedence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert find_config("room") == find_config("room", tmp_path) == configs()["room"]
     assert find_config(Path("figure3") / "simple") == configs()["figure3/simple"]
@@ -77,7 +79,7 @@ def test_names_are_found_and_paths_win(tmp_path: Path, monkeypatch: pytest.Monke
         ("figure3/simpel", "'figure3/simple' or 'figure3-skip3/simple'"),
     ],
 )
-def test_a_misspelt_name_says_the_nearest(
+def test_error_suggests_the_nearest_name(
     given: str, near: str, capsys: pytest.CaptureFixture
 ) -> None:
     message = f"cannot read {given}: no such file, and this package has no config {given!r}"
@@ -88,6 +90,6 @@ def test_a_misspelt_name_says_the_nearest(
     assert message in capsys.readouterr().err
 
 
-def test_what_cannot_be_read_is_not_taken_for_a_name() -> None:
+def test_unreadable_path_is_not_mistaken_for_a_name() -> None:
     with pytest.raises(SettingError, match=r"^cannot read aaa.*: file name too long$"):
         read_file(find_config("a" * 300))

@@ -94,7 +94,7 @@ def scaled(told: Any, leaves: list[np.ndarray]) -> dict[str, np.ndarray]:
     ],
     ids=["rgb", "dict", "labels"],
 )
-def test_the_file_alone_tells_what_the_network_computes(tmp_path: Path, options: Any) -> None:
+def test_file_alone_describes_the_network(tmp_path: Path, options: Any) -> None:
     experiment = tiny(seeds=1, **options)
     learner, path = experiment.learner, tmp_path / "agent.npz"
     params, compute = learner.network.init(KEY), jax.jit(learner.network.step)

@@ -37,9 +37,7 @@ def mixed(plain_frames: None, tmp_path_factory: pytest.TempPathFactory) -> RunFo
     return folder
 
 
-def test_the_other_run_is_what_it_is_beside_one_that_does_not_diverge(
-    mixed: RunFolder, tmp_path: Path
-) -> None:
+def test_divergence_does_not_change_the_other_run(mixed: RunFolder, tmp_path: Path) -> None:
     beside = RunFolder.create(tmp_path / "run", tiny(**grid(1e-4, 1e-3)))
     train(beside)
     with (
@@ -58,7 +56,7 @@ def test_the_other_run_is_what_it_is_beside_one_that_does_not_diverge(
     assert [list(row) for row in rows] == [list(row) for row in expected]
 
 
-def test_rows_of_a_run_that_diverged_say_so_and_hold_nothing_else(mixed: RunFolder) -> None:
+def test_rows_after_divergence_hold_only_the_flag(mixed: RunFolder) -> None:
     lines = (mixed.path / METRICS).read_text().splitlines()
     rows = [json.loads(line, parse_constant=lambda word: pytest.fail(word)) for line in lines]
     assert len(rows) == 2 * UPDATES
@@ -74,7 +72,7 @@ def test_rows_of_a_run_that_diverged_say_so_and_hold_nothing_else(mixed: RunFold
 
 
 @pytest.mark.parametrize("stop_after", [1, 3])
-def test_a_resumed_run_stays_stopped(mixed: RunFolder, tmp_path: Path, stop_after: int) -> None:
+def test_resumed_run_stays_stopped(mixed: RunFolder, tmp_path: Path, stop_after: int) -> None:
     folder = RunFolder.create(tmp_path / "run", mixed.experiment)
     done: list[int] = []
     train(
@@ -88,7 +86,7 @@ def test_a_resumed_run_stays_stopped(mixed: RunFolder, tmp_path: Path, stop_afte
 
 
 @pytest.mark.parametrize("chunk", [1, 4])
-def test_a_training_ends_once_all_runs_have_diverged(tmp_path: Path, chunk: int) -> None:
+def test_training_ends_once_all_runs_have_diverged(tmp_path: Path, chunk: int) -> None:
     folder = RunFolder.create(tmp_path / "run", tiny(**grid(1e38, 2e38)))
     assert train(folder, chunk=chunk) == 1
     assert len(read_metrics(folder.path)) == 2
@@ -99,9 +97,7 @@ def test_a_training_ends_once_all_runs_have_diverged(tmp_path: Path, chunk: int)
     assert [curve.values.shape for curve in curves_of(folder.path)] == [(1, 1)] * 2
 
 
-def test_its_agent_has_the_last_finite_parameters_and_that_is_told(
-    mixed: RunFolder, tmp_path: Path
-) -> None:
+def test_agent_keeps_last_finite_parameters_and_warns(mixed: RunFolder, tmp_path: Path) -> None:
     start = mixed.experiment.learner.many.init(mixed.experiment.keys())
     trained = load_trained(mixed.path)
     for one, other in zip(
@@ -123,7 +119,7 @@ def test_its_agent_has_the_last_finite_parameters_and_that_is_told(
     assert load_trained(tmp_path / "agent.npz").update == UPDATES
 
 
-def test_the_best_run_is_chosen_by_its_updates_before(mixed: RunFolder, tmp_path: Path) -> None:
+def test_best_run_uses_updates_before_divergence(mixed: RunFolder, tmp_path: Path) -> None:
     shutil.copytree(mixed.path, tmp_path / "run")
     folder = RunFolder.open(tmp_path / "run")
     sums = {"episodes": 2, "length_sum": 9}
@@ -137,7 +133,7 @@ def test_the_best_run_is_chosen_by_its_updates_before(mixed: RunFolder, tmp_path
     assert best_run(folder) == 0
 
 
-def test_curves_are_those_of_the_runs_that_go_on(mixed: RunFolder) -> None:
+def test_curves_of_diverged_runs_are_empty(mixed: RunFolder) -> None:
     for metric in ("return", "entropy", "diverged"):
         stopped, going = curves_of(mixed.path, metric)
         assert len(stopped.at) == len(going.at) == UPDATES
@@ -154,8 +150,8 @@ def test_curves_are_those_of_the_runs_that_go_on(mixed: RunFolder) -> None:
     assert shown == ["run, learning_rate 1e+38 (diverged)", "run, learning_rate 0.001"]
 
 
-def test_how_many_seeds_of_a_curve_diverged_is_told(tmp_path: Path) -> None:
-    """Of three seeds the last one diverges at the fourth update."""
+def test_plot_counts_diverged_seeds(tmp_path: Path) -> None:
+    """The last of three seeds diverges at the fourth update."""
     pytest.importorskip("matplotlib")
     from jaxenstein.baselines.runs.curves import plot
 
@@ -178,7 +174,7 @@ def test_how_many_seeds_of_a_curve_diverged_is_told(tmp_path: Path) -> None:
     assert [text.get_text() for text in legend.get_texts()] == ["run (3 runs, 1 diverged)"]
 
 
-def test_a_run_from_before_there_was_a_choice_goes_on_as_it_began(tmp_path: Path) -> None:
+def test_run_without_on_divergence_resumes_unchanged(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "run", tiny(**grid(1e38, 1e-3), on_divergence="continue"))
     done: list[int] = []
     train(folder, notify=lambda update, rows: done.append(update), stop=lambda: 2 in done)

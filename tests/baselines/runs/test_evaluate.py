@@ -27,12 +27,12 @@ from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
 from jaxenstein.results import read_results
-from tests.baselines.tiny import OPTIONS, hardly_trained
+from tests.baselines.tiny import OPTIONS, untrained_run
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 
-def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: RunFolder) -> None:
+def test_greedy_policy_matches_network_over_whole_sequence(folder: RunFolder) -> None:
     """Against the network unrolled over all observations at once, not step by step."""
     learner = folder.experiment.learner
     policy = load_policy(folder.path, run=1, greedy=True)
@@ -64,7 +64,7 @@ def test_greedy_policy_is_what_the_network_says_of_the_whole_sequence(folder: Ru
         assert clear.sum() > len(actions) // 2
 
 
-def test_sampled_policy_repeats_with_the_seed_and_differs_between(folder: RunFolder) -> None:
+def test_sampled_policy_repeats_per_seed(folder: RunFolder) -> None:
     policy = load_policy(folder.path)
     env, params = policy.env, policy.params
 
@@ -94,7 +94,7 @@ def test_evaluation_counts_whole_episodes(folder: RunFolder) -> None:
     assert plain["length"]["mean"] == pytest.approx(result.lengths.mean())
 
 
-def test_command_evaluates_and_films(
+def test_command_evaluates_and_writes_animation(
     folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     film, report = tmp_path / "agent.gif", tmp_path / "report.json"
@@ -115,7 +115,9 @@ def test_command_evaluates_and_films(
         assert 2 <= getattr(image, "n_frames", 1) <= 11
 
 
-def test_command_evaluates_elsewhere(folder: RunFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_evaluates_in_another_environment(
+    folder: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ["evaluate", str(folder.path), "--episodes", "2"]
     assert main([*arguments, "--param", "max_steps_in_episode=3"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -129,13 +131,13 @@ def test_command_evaluates_elsewhere(folder: RunFolder, capsys: pytest.CaptureFi
     assert "was trained with the actions turn left, " in capsys.readouterr().err
 
 
-def test_command_tells_the_split_and_plays_the_other(
+def test_command_names_the_split_and_can_play_the_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = {name: value for name, value in OPTIONS.items() if name != "map"}
     given["env"] = "minigrid-red-blue-doors-6x6"
     given["settings"] = {"split": "train", "test_fraction": 0.5}
-    folder = hardly_trained(tmp_path / "tiny", resolve(given))
+    folder = untrained_run(tmp_path / "tiny", resolve(given))
     arguments = ["evaluate", str(folder.path), "--episodes", "2"]
     for more, line in (
         ([], "levels of the train split (test_fraction 0.5); --set split=test "),
@@ -145,7 +147,7 @@ def test_command_tells_the_split_and_plays_the_other(
         assert line in capsys.readouterr().out
 
 
-def test_record_plays_a_trained_agent_where_it_was_trained(
+def test_record_plays_agent_in_its_training_environment(
     folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     film, saved = tmp_path / "agent.gif", tmp_path / "agent.json"
@@ -154,7 +156,7 @@ def test_record_plays_a_trained_agent_where_it_was_trained(
     assert "tiny seed-0" in capsys.readouterr().out
     assert main(["replay", str(saved)]) == 0
     assert "the same bit for bit" in capsys.readouterr().out
-    # Elsewhere it sees pictures of its own size, and its own environment may be changed.
+    # In other environments it gets images of its own size; its own environment can be changed.
     assert main([*common, "simple", "--steps", "3", "--run", "1", "--greedy"]) == 0
     assert "simple: 3 steps" in capsys.readouterr().out
     assert main([*common, "--param", "max_steps_in_episode=2", "--run", "1"]) == 0
@@ -168,7 +170,7 @@ def test_record_plays_a_trained_agent_where_it_was_trained(
         assert "there is no run directory 'missing'" in capsys.readouterr().err
 
 
-def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
+def test_best_run_acts_by_default(folder: RunFolder, tmp_path: Path) -> None:
     shutil.copytree(folder.path, tmp_path / "run")
     copied = RunFolder.open(tmp_path / "run")
     assert best_run(copied) == 0
@@ -197,8 +199,8 @@ def test_the_best_run_acts(folder: RunFolder, tmp_path: Path) -> None:
     assert best_run(copied) == 1
 
 
-def test_a_batch_drives_gymnasiums_environments(folder: RunFolder) -> None:
-    """Against the policy for one environment, with a memory that begins anew by hand."""
+def test_batch_policy_drives_gymnasium_environments(folder: RunFolder) -> None:
+    """Compare with the policy for one environment, whose memory is reset by hand."""
     gymnasium = pytest.importorskip("gymnasium")
     from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 
@@ -225,7 +227,7 @@ def test_a_batch_drives_gymnasiums_environments(folder: RunFolder) -> None:
     assert len(acted) > 1
 
 
-def test_drawn_actions_of_a_batch_repeat_with_the_seed(folder: RunFolder) -> None:
+def test_sampled_actions_of_a_batch_repeat_with_the_seed(folder: RunFolder) -> None:
     policy = load_policy(folder.path)
     observations, first = np.zeros((8, 12, 16, 3), np.uint8), np.ones(8, bool)
 
@@ -238,7 +240,7 @@ def test_drawn_actions_of_a_batch_repeat_with_the_seed(folder: RunFolder) -> Non
     assert len(set(map(tuple, drawn(1)))) > 1
 
 
-def test_a_watched_game_plays_itself_at_its_pace(folder: RunFolder) -> None:
+def test_watched_game_advances_at_its_frame_rate(folder: RunFolder) -> None:
     policy = load_policy(folder.path)
     game = AgentGame(policy.env, policy.params, policy, seed=2, fps=10.0, note="watching")
     expected = record(policy.env, policy.params, policy, seed=2)
@@ -262,7 +264,7 @@ def test_a_watched_game_plays_itself_at_its_pace(folder: RunFolder) -> None:
     assert not any("turn" in line for line in game.help())
 
 
-def test_what_is_not_there_is_told(folder: RunFolder, tmp_path: Path) -> None:
+def test_errors_name_missing_run_checkpoint_and_actions(folder: RunFolder, tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="has runs 0 to 1, not 2"):
         load_policy(folder.path, run=2)
     RunFolder.create(tmp_path / "new", folder.experiment)
@@ -275,7 +277,7 @@ def test_what_is_not_there_is_told(folder: RunFolder, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["evaluate", "play", "export"])
-def test_the_module_of_an_imported_environment_is_named(
+def test_error_names_module_of_imported_environment(
     command: str, folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = tmp_path / "run"

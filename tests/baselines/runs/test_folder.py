@@ -1,4 +1,4 @@
-"""Run directories: resuming exactly, refusing what does not fit, metrics files."""
+"""Run directories: exact resuming, refused configs, metrics files."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def assert_same_result(folder: RunFolder, other: RunFolder) -> None:
     assert same_checkpoints(folder, other, folder.experiment.config.updates)
 
 
-def test_a_run_leaves_its_configuration_and_metrics(whole: RunFolder) -> None:
+def test_run_writes_config_and_metrics(whole: RunFolder) -> None:
     opened = RunFolder.open(whole.path)
     assert opened.experiment.differences(whole.experiment) == []
     rows = read_metrics(whole.path)
@@ -66,7 +66,7 @@ def test_a_run_leaves_its_configuration_and_metrics(whole: RunFolder) -> None:
 
 
 @pytest.mark.parametrize("stop_after", [1, 4])
-def test_stopped_and_resumed_is_the_same(
+def test_stopped_and_resumed_run_is_identical(
     whole: RunFolder, experiment: Experiment, tmp_path: Path, stop_after: int
 ) -> None:
     folder = RunFolder.create(tmp_path / "run", experiment)
@@ -77,7 +77,7 @@ def test_stopped_and_resumed_is_the_same(
         stop=lambda: bool(done) and done[-1] >= stop_after,
     )
     assert done == list(range(stop_after + 1))
-    # What came after the checkpoint is cut off: whole rows, and half of one.
+    # Rows after the checkpoint are cut off: whole rows, and half of one.
     with (folder.path / METRICS).open("a") as file:
         file.write('{"update": 8}\n{"upd')
     assert train(RunFolder.open(folder.path)) == UPDATES
@@ -87,7 +87,7 @@ def test_stopped_and_resumed_is_the_same(
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments_and_resumed_is_the_same(
+def test_run_killed_at_random_and_resumed_is_identical(
     experiment: Experiment, tmp_path: Path
 ) -> None:
     """Processes are killed while they train or write, until one completes.
@@ -134,7 +134,7 @@ def count_rows(folder: RunFolder) -> int:
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
-def test_a_damaged_checkpoint_costs_time_and_nothing_else(whole: RunFolder, tmp_path: Path) -> None:
+def test_damaged_checkpoint_costs_only_time(whole: RunFolder, tmp_path: Path) -> None:
     shutil.copytree(whole.path, tmp_path / "run")
     folder = RunFolder.open(tmp_path / "run")
     (folder.path / CHECKPOINTS / f"{UPDATES}.npz").write_text("{")
@@ -145,7 +145,7 @@ def test_a_damaged_checkpoint_costs_time_and_nothing_else(whole: RunFolder, tmp_
     assert_same_result(folder, whole)
 
 
-def test_another_configuration_is_refused_with_the_fields_that_differ(whole: RunFolder) -> None:
+def test_error_names_fields_of_differing_config(whole: RunFolder) -> None:
     other = tiny(learning_rate=1e-3, epochs=3, horizon=11, seeds=3)
     with pytest.raises(SettingError) as caught:
         whole.check_same(other)
@@ -159,31 +159,29 @@ def test_another_configuration_is_refused_with_the_fields_that_differ(whole: Run
     whole.check_same(tiny())
 
 
-def test_a_run_trains_longer(whole: RunFolder, tmp_path: Path) -> None:
+def test_run_can_train_longer(whole: RunFolder, tmp_path: Path) -> None:
     steady = {"anneal": False}
     folder = RunFolder.create(tmp_path / "short", tiny(**steady))
     train(folder)
     longer = tiny(**steady, total_steps=2 * OPTIONS["total_steps"])
-    folder.go_on_as(longer)
+    folder.continue_as(longer)
     assert train(folder) == 2 * UPDATES
     alone = RunFolder.create(tmp_path / "long", longer)
     train(alone)
     assert_same_result(RunFolder.open(folder.path), alone)
-    folder.go_on_as(longer)
+    folder.continue_as(longer)
     for steps, reason in (
         (OPTIONS["total_steps"], "total_steps is already 384"),
         (10_000, "another config"),
     ):
         other = tiny(**steady, total_steps=steps, epochs=2 + (steps == 10_000))
         with pytest.raises(SettingError, match=reason):
-            folder.go_on_as(other)
+            folder.continue_as(other)
     with pytest.raises(SettingError, match="cannot continue to 384 steps: its learning rate is"):
-        whole.go_on_as(tiny(total_steps=384))
+        whole.continue_as(tiny(total_steps=384))
 
 
-def test_other_rules_end_a_run_and_other_versions_are_told(
-    whole: RunFolder, tmp_path: Path
-) -> None:
+def test_changed_rules_end_a_run_and_other_versions_warn(whole: RunFolder, tmp_path: Path) -> None:
     shutil.copytree(whole.path, tmp_path / "run")
     plain = json.loads((whole.path / CONFIG).read_text())
     plain["made_with"]["jax"] = "0.0.1"
@@ -198,21 +196,21 @@ def test_other_rules_end_a_run_and_other_versions_are_told(
         train(folder)
 
 
-def test_where_runs_lie_is_told(whole: RunFolder) -> None:
+def test_error_names_folder_with_runs(whole: RunFolder) -> None:
     with pytest.raises(SettingError, match=r"there are runs in .*run"):
         RunFolder.open(whole.path.parent)
     with pytest.raises(SettingError, match="is a file, not a run directory"):
         RunFolder.open(whole.path / CONFIG)
 
 
-def test_a_folder_holds_one_run_that_one_process_trains(whole: RunFolder) -> None:
+def test_folder_holds_one_run_of_one_process(whole: RunFolder) -> None:
     with pytest.raises(SettingError, match=r"already has a run: --resume continues it"):
         RunFolder.create(whole.path, whole.experiment)
     with whole.locked(), pytest.raises(SettingError, match="another process is training"):
         train(RunFolder.open(whole.path))
 
 
-def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
+def test_error_says_why_folder_is_no_run(whole: RunFolder, tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r"there is no run in .*: it has no config.json"):
         RunFolder.open(tmp_path)
     plain = json.loads((whole.path / CONFIG).read_text())
@@ -251,7 +249,7 @@ def test_what_is_no_run_is_told(whole: RunFolder, tmp_path: Path) -> None:
         ("environment", "version", True, "environment.version must be a whole number >= 0"),
     ],
 )
-def test_wrong_values_of_a_configuration_are_told_by_file_and_entry(
+def test_error_names_file_and_entry_of_wrong_value(
     whole: RunFolder, tmp_path: Path, part: str, name: str, value: Any, reason: str
 ) -> None:
     plain = json.loads((whole.path / CONFIG).read_text())
@@ -264,7 +262,7 @@ def test_wrong_values_of_a_configuration_are_told_by_file_and_entry(
     assert re.search(re.escape(reason).replace(r"\.\*", ".*"), said)
 
 
-def test_a_folder_that_cannot_be_written_is_told_first(
+def test_unwritable_folder_is_reported_first(
     experiment: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -278,14 +276,14 @@ def test_a_folder_that_cannot_be_written_is_told_first(
 
 
 @pytest.mark.parametrize("room", [6, 10])
-def test_a_disk_that_fills_up_stops_the_run_and_harms_nothing(
+def test_full_disk_stops_the_run_and_harms_nothing(
     whole: RunFolder,
     experiment: Experiment,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     room: int,
 ) -> None:
-    """Every file is brought to the disk as it is written; there is room for so many."""
+    """Every file is synced as it is written; the disk has room for this many."""
     folder = RunFolder.create(tmp_path / "run", experiment)
     calls: list[int] = []
     real = os.fsync
@@ -320,7 +318,7 @@ with mock.patch("jaxenstein.tasks.first_person.render", plain_frame):
 """
 
 
-def test_a_disk_without_room_for_a_checkpoint_leaves_nothing(tmp_path: Path) -> None:
+def test_no_room_for_a_checkpoint_leaves_nothing(tmp_path: Path) -> None:
     lines = [f"{name} = {json.dumps(value)}" for name, value in OPTIONS.items()]
     (tmp_path / "tiny.toml").write_text("\n".join(lines))
     command = ["train", "--config", "tiny.toml", "--out", "a/run", "--no-tensorboard"]
@@ -338,7 +336,7 @@ def test_a_disk_without_room_for_a_checkpoint_leaves_nothing(tmp_path: Path) -> 
     assert not (tmp_path / "a").exists()
 
 
-def test_a_training_that_never_began_leaves_what_was_there(
+def test_training_that_never_began_leaves_folder_unchanged(
     experiment: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "run").mkdir()
@@ -362,7 +360,7 @@ def test_a_training_that_never_began_leaves_what_was_there(
     assert RunFolder.open(tmp_path / "run").experiment == experiment
 
 
-def test_metrics_of_another_run_are_refused(experiment: Experiment, tmp_path: Path) -> None:
+def test_metrics_from_another_run_are_refused(experiment: Experiment, tmp_path: Path) -> None:
     rows = [{"update": n, "steps": 8 * n, "episodes": 0, "a": None} for n in (1, 2, 5)]
     lines = [json.dumps(row) + "\n" for row in rows]
     file = MetricsFile(tmp_path)
@@ -396,7 +394,7 @@ for number in range(40):
 """
 
 
-def test_of_two_processes_with_one_folder_one_wins(tmp_path: Path) -> None:
+def test_only_one_of_two_processes_gets_the_folder(tmp_path: Path) -> None:
     both = [
         subprocess.Popen(
             [sys.executable, "-c", RACE, str(tmp_path), name], stdout=subprocess.PIPE, text=True
@@ -412,7 +410,7 @@ def test_of_two_processes_with_one_folder_one_wins(tmp_path: Path) -> None:
     assert sorted(map(int, won[0] + won[1])) == list(range(40))
 
 
-def test_names_of_runs_are_exact_and_differ() -> None:
+def test_run_names_are_exact_and_unique() -> None:
     assert run_names(tiny(seed=20240601)) == ["seed-20240601", "seed-20240602"]
     close = [0.1, 0.1 + 1e-9, 1e-5, 1.00000001e-5]
     names = run_names(tiny(grid={"learning_rate": close, "clip": [0.2]}, seeds=1))

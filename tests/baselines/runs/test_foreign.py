@@ -28,7 +28,7 @@ def write_lines(path: Path, rows: list[dict[str, Any]]) -> Path:
     return path
 
 
-def test_rows_of_a_run_elsewhere_are_drawn_as_those_in_its_folder(tmp_path: Path) -> None:
+def test_copied_metrics_give_the_curve_of_the_run(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", [[0, 2], [-1, 4], [6, 8], [9, 10], [10, 10], [10, 10]])
     shutil.copy(run / "metrics.jsonl", tmp_path / "mine.jsonl")
     for points in (3, 50):
@@ -41,7 +41,7 @@ def test_rows_of_a_run_elsewhere_are_drawn_as_those_in_its_folder(tmp_path: Path
         np.testing.assert_array_equal(other.values, own.values)
 
 
-def test_lines_with_other_names_are_means_of_each_seed(tmp_path: Path) -> None:
+def test_other_columns_are_means_per_seed(tmp_path: Path) -> None:
     rows = [
         {"time/step": 10 * step, "seed": seed, "score": float(step * seed), "note": "x"}
         for seed in (1, 2)
@@ -59,7 +59,7 @@ def test_lines_with_other_names_are_means_of_each_seed(tmp_path: Path) -> None:
     np.testing.assert_array_equal(curve.values, [[1.0]])
 
 
-def test_seeds_with_different_steps_have_no_gaps_in_their_curves(tmp_path: Path) -> None:
+def test_seeds_with_different_steps_give_curves_without_gaps(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     places = [np.sort(rng.choice(1000, size, replace=False)) for size in (40, 40, 15)]
     places[2] = places[2][places[2] < 500]
@@ -80,7 +80,7 @@ def test_seeds_with_different_steps_have_no_gaps_in_their_curves(tmp_path: Path)
             np.testing.assert_allclose(curve.values[seed, point], wanted)
 
 
-def test_minutes_are_those_of_the_column_of_seconds(tmp_path: Path) -> None:
+def test_minutes_come_from_the_seconds_column(tmp_path: Path) -> None:
     rows = [{"step": n, "time_elapsed": 30.0 * n, "return": n} for n in (1, 2, 4)]
     path = write_lines(tmp_path / "a.jsonl", rows)
     (curve,) = curves_of(path, over="minutes")
@@ -109,32 +109,32 @@ def test_minutes_are_those_of_the_column_of_seconds(tmp_path: Path) -> None:
         ('{"step": 1, "return": 4e38}\n', "no column 'return'; it has: step"),
     ],
 )  # fmt: skip
-def test_a_file_in_which_nothing_fits_is_told(tmp_path: Path, text: str, message: str) -> None:
+def test_error_for_file_without_usable_columns(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "a.jsonl").write_text(text)
     with pytest.raises(SettingError) as raised:
         curves_of(tmp_path / "a.jsonl")
     assert message in str(raised.value)
 
 
-def test_a_last_line_that_is_still_being_written_is_left_out(tmp_path: Path) -> None:
+def test_incomplete_last_line_is_ignored(tmp_path: Path) -> None:
     (tmp_path / "a.jsonl").write_text('{"step": 1, "return": 2}\n{"step": 2, "re')
     (curve,) = curves_of(tmp_path / "a.jsonl")
     np.testing.assert_array_equal(curve.values, [[2]])
 
 
-def test_a_folder_without_metrics_is_no_run(tmp_path: Path) -> None:
+def test_folder_without_metrics_is_no_run(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="there is no run"):
         curves_of(tmp_path)
 
 
-def test_the_axis_counts_decisions_where_a_run_is_drawn() -> None:
+def test_x_axis_counts_decisions_if_a_run_is_drawn() -> None:
     points = np.array([1.0, 2.0]), np.array([[1.0, 2.0]])
     own, other = Curve("own", *points), Curve("other", *points, "steps")
     assert plot([other, own]).axes[0].get_xlabel() == "decisions"
     assert plot([other]).axes[0].get_xlabel() == "steps"
 
 
-def test_the_command_draws_several_kinds(
+def test_command_plots_several_formats(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -152,7 +152,7 @@ def test_the_command_draws_several_kinds(
     assert "mine.jsonl has no column 'return'; it has: at, score" in capsys.readouterr().err
 
 
-def test_files_of_tensorboard_need_its_package(
+def test_tensorboard_files_need_tensorboard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "events.out.tfevents.1").write_bytes(b"")
@@ -162,7 +162,7 @@ def test_files_of_tensorboard_need_its_package(
         curves_of(tmp_path)
 
 
-def test_folders_of_tensorboard_are_seeds(tmp_path: Path) -> None:
+def test_tensorboard_folders_are_seeds(tmp_path: Path) -> None:
     pytest.importorskip("tensorboard")
     Writer = importlib.import_module("tensorboard.summary").Writer
     values = {"a": [(10, 0.5), (20, 1.5), (30, 2.0)], "b": [(10, 4.0), (20, float("nan"))]}
@@ -182,7 +182,7 @@ def test_folders_of_tensorboard_are_seeds(tmp_path: Path) -> None:
         curves_of(tmp_path / "tb", "score")
 
 
-def test_old_files_of_tensorboard_are_read(tmp_path: Path) -> None:
+def test_old_tensorboard_files_are_read(tmp_path: Path) -> None:
     pytest.importorskip("tensorboard")
     tensorboardX = pytest.importorskip("tensorboardX")
     with tensorboardX.SummaryWriter(str(tmp_path)) as writer:
@@ -194,7 +194,7 @@ def test_old_files_of_tensorboard_are_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.values, [[0.25]])
 
 
-def test_a_file_without_end_is_no_metrics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_endless_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(foreign, "LONGEST", 20)
     (tmp_path / "a.jsonl").write_text('{"step": 1, "return": 2}\n')
     with pytest.raises(SettingError, match=r"cannot read .*a\.jsonl: it has more than 20 char"):

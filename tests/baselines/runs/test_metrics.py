@@ -33,14 +33,12 @@ def test_rows_are_in_order_and_have_no_infinite_numbers() -> None:
     assert [row["length"] for row in rows] == [None, 10, 4, 5]
     assert [row["success"] for row in rows] == [None, 0.5, 0.5, 1]
     assert [row["loss"] for row in rows] == [0.1, None, None, -1]
-    # A number of the grid with the name of a metric is kept beside it.
+    # A grid value with the name of a metric does not replace the metric.
     row = rows_of(values, [{"loss": 0.01, "gamma": 0.9}, {}], first=0, steps=32)[0]
     assert (row["loss"], row["grid_loss"], row["gamma"]) == (0.1, 0.01, 0.9)
 
 
-def test_weights_and_biases_gets_every_number(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wandb_gets_every_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     logged: list[tuple[dict[str, float], int]] = []
     started: dict[str, Any] = {}
 
@@ -84,12 +82,12 @@ def test_weights_and_biases_gets_every_number(
 
 
 def rows(updates: int, entropy: float, episodes: int, successes: int = 0) -> list[Row]:
-    """Updates of two runs; all successes are those of the second one."""
+    """Updates of two runs; all successes belong to the second one."""
     one: Row = {"episodes": episodes, "successes": 0, "entropy": entropy}
     return [one, {**one, "successes": successes}] * updates
 
 
-def test_a_policy_that_settles_without_success_is_told_of_once() -> None:
+def test_warns_once_if_policy_settles_without_success() -> None:
     watch = StallWatch(2)
     assert watch.check(rows(1, 1.6, 10)) is None
     assert watch.check(rows(1, 0.1, EPISODES // 2)) is None
@@ -101,13 +99,13 @@ def test_a_policy_that_settles_without_success_is_told_of_once() -> None:
 
 
 @pytest.mark.parametrize(("entropy", "successes"), [(1.5, 0), (0.01, 1)])
-def test_one_that_still_looks_or_succeeded_once_is_not(entropy: float, successes: int) -> None:
+def test_no_warning_if_policy_explores_or_has_succeeded(entropy: float, successes: int) -> None:
     watch = StallWatch(2)
     assert watch.check(rows(1, 1.6, 10, successes)) is None
     assert watch.check(rows(20, entropy, EPISODES)) is None
 
 
-def test_one_whose_returns_rise_is_not() -> None:
+def test_no_warning_if_returns_rise() -> None:
     """A task that has no success, such as monsters to shoot."""
     first: Row = {"episodes": 100, "successes": 0, "entropy": 1.6}
     first |= {"return_sum": 200.0, "return_square_sum": 500.0}
@@ -118,7 +116,7 @@ def test_one_whose_returns_rise_is_not() -> None:
         assert any(looked) == told
 
 
-def test_runs_that_diverged_are_not_taken_for_settled() -> None:
+def test_no_warning_for_diverged_runs() -> None:
     def update(entropy: float) -> list[Row]:
         return [{"episodes": 0, "diverged": 1, "entropy": None}, *rows(1, entropy, EPISODES)[:1]]
 
@@ -131,7 +129,7 @@ def test_runs_that_diverged_are_not_taken_for_settled() -> None:
     assert StallWatch(1).check([{"episodes": 5 * EPISODES, "diverged": 1, "entropy": None}]) is None
 
 
-def test_rows_of_before_and_without_episodes_count() -> None:
+def test_earlier_rows_and_rows_without_episodes_count() -> None:
     watch = StallWatch(2)
     before = rows(1, 1.6, 0) + rows(2, 0.2, EPISODES)
     assert watch.check(before) is not None

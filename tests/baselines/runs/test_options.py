@@ -35,7 +35,7 @@ from tests.baselines.tiny import tiny
 QUICK: dict[str, Any] = {"height": 12, "width": 16, "convolutions": [[4, 4, 4]]}
 
 
-def test_every_field_is_an_option_with_its_default_and_a_help() -> None:
+def test_every_field_is_an_option_with_default_and_help() -> None:
     options = all_options()
     for cls in (Config, HParams, *(row.options for row in algorithms().values())):
         for field in dataclasses.fields(cls):
@@ -60,7 +60,7 @@ def test_configs_are_hashable_and_count_updates() -> None:
         config.replace(total_steps=most + 40)
 
 
-def test_numbers_are_traced() -> None:
+def test_hparams_can_be_traced() -> None:
     numbers = HParams(learning_rate=jnp.array([1e-3, 1e-4])).check()
     assert numbers.learning_rate.shape == (2,)
     doubled = jax.jit(lambda h: h.check().replace(clip=h.clip * 2))(HParams().check())
@@ -68,7 +68,7 @@ def test_numbers_are_traced() -> None:
     assert doubled.gamma is None
 
 
-def test_what_is_given_reaches_the_experiment() -> None:
+def test_given_options_reach_the_experiment() -> None:
     experiment = resolve(
         QUICK
         | {
@@ -101,7 +101,7 @@ def test_what_is_given_reaches_the_experiment() -> None:
     assert numbers.gamma is None
 
 
-def test_defaults_are_those_of_the_paper() -> None:
+def test_defaults_match_the_paper() -> None:
     config, numbers = Config(), HParams()
     assert (config.rollout, config.epochs, config.hidden, config.features) == (128, 4, 256, 256)
     assert resolve({}).environment.settings == {"height": 64, "width": 64}
@@ -113,7 +113,7 @@ def test_defaults_are_those_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("algo", ["ppo", "icm", "rnd", "e3b"])
-def test_recipes_are_defaults_below_what_is_given(algo: str) -> None:
+def test_given_options_override_recipes(algo: str) -> None:
     def flat(**given: Any) -> dict[str, Any]:
         experiment = resolve({"height": 16, "width": 16, "algo": algo, **given})
         return {**experiment.config.flat(), **experiment.hparams}
@@ -130,7 +130,7 @@ def test_recipes_are_defaults_below_what_is_given(algo: str) -> None:
     assert flat(network="tiny") == {**paper, **NETWORKS["tiny"]}
 
 
-def test_recipe_and_network_are_written_down() -> None:
+def test_recipe_and_network_are_saved() -> None:
     experiment = tiny(recipe="tuned", num_envs=8, total_steps=1024)
     plain = json.loads(json.dumps(experiment.to_json()))
     assert plain["presets"] == {"recipe": "tuned", "network": "tiny"}
@@ -141,7 +141,7 @@ def test_recipe_and_network_are_written_down() -> None:
         Experiment.from_json(plain)
 
 
-def test_an_experiment_survives_writing_and_reading() -> None:
+def test_experiment_round_trips_through_json() -> None:
     for experiment in (tiny(), tiny(grid={"clip": [0.1, 0.2]}), resolve(QUICK)):
         again = Experiment.from_json(json.loads(json.dumps(experiment.to_json())))
         assert experiment.differences(again) == []
@@ -152,7 +152,7 @@ def test_an_experiment_survives_writing_and_reading() -> None:
     assert tiny().config.convolutions == ((4, 4, 4),)
 
 
-def test_an_alias_is_the_same_experiment() -> None:
+def test_alias_gives_the_same_experiment() -> None:
     one = resolve(QUICK | {"env": "key-corridor-s4r3"})
     assert one.differences(resolve(QUICK | {"env": "key-corridor"})) == []
 
@@ -185,17 +185,17 @@ def test_an_alias_is_the_same_experiment() -> None:
         ({"total_steps": 10}, "total_steps must be at least"),
     ],
 )
-def test_what_cannot_be_is_told(given: dict[str, Any], message: str) -> None:
+def test_impossible_options_are_refused(given: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         resolve(QUICK | given)
 
 
-def test_an_unknown_environment_is_told() -> None:
+def test_unknown_environment_is_refused() -> None:
     with pytest.raises(UnknownEnvironmentError, match="did you mean 'simple'"):
         resolve(QUICK | {"env": "smiple"})
 
 
-def test_a_file_gives_options_and_flags_win(tmp_path: Path) -> None:
+def test_flags_override_config_file(tmp_path: Path) -> None:
     file = tmp_path / "run.toml"
     file.write_text(
         'algo = "icm"\ntotal-steps = 3e6\nlearning_rate = 1\nmap = """\n####\n#SG#\n####\n"""\n'
@@ -228,13 +228,13 @@ def test_a_file_gives_options_and_flags_win(tmp_path: Path) -> None:
         ("#" * 2**20 + "\n", "run.toml: it has more than 1048576 characters"),
     ],
 )
-def test_a_wrong_file_is_told(tmp_path: Path, text: str, message: str) -> None:
+def test_wrong_config_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "run.toml").write_text(text)
     with pytest.raises(SettingError, match=message):
         read_file(tmp_path / "run.toml")
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_missing_config_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r"cannot read .*: no such file"):
         read_file(tmp_path / "none.toml")
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
@@ -242,9 +242,7 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
         read_file(tmp_path / "bytes.toml")
 
 
-def test_yaml_is_read_where_there_is_pyyaml(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_yaml_config_needs_pyyaml(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "run.yaml"
     file.write_text("algo: rnd\nseeds: 2\n")
     with monkeypatch.context() as patch:
@@ -266,14 +264,14 @@ def test_yaml_is_read_where_there_is_pyyaml(
         read_file(file)
 
 
-def test_dots_in_texts_and_comments_are_no_keys(tmp_path: Path) -> None:
+def test_dots_in_strings_and_comments_are_no_keys(tmp_path: Path) -> None:
     dots = ".".join("S" * 40)
     for quote in ('"', "'", '"""', "'''"):
         (tmp_path / "run.toml").write_text(f"# {dots} '\nmap = {quote}{dots}{quote}  # {dots}\n")
         assert read_file(tmp_path / "run.toml") == {"map": dots}
 
 
-def test_numbers_of_numpy_are_written_as_those_of_python() -> None:
+def test_numpy_numbers_are_saved_as_python_numbers() -> None:
     ours = {
         **QUICK, "num_envs": 4, "total_steps": 640, "anneal": True, "learning_rate": 0.5,
         "seeds": 2, "params": {"discount": 0.5}, "settings": {"sprite_layers": 2}, "horizon": 9,

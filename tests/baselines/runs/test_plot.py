@@ -1,4 +1,4 @@
-"""Learning curves: what is pooled, the bootstrap band, files."""
+"""Learning curves: pooling, the bootstrap band, files."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def folder(tmp_path: Path) -> Path:
     return write_run(tmp_path / "run", [[0, 2], [-1, 4], [6, 8], [9, 10], [10, 10], [10, 10]])
 
 
-def test_values_are_means_over_episodes_not_over_updates(folder: Path) -> None:
+def test_values_average_over_episodes_not_updates(folder: Path) -> None:
     (curve,) = curves_of(folder, "success", points=3)
     assert curve.label == "run"
     np.testing.assert_array_equal(curve.at, [64, 128, 192])
@@ -71,7 +71,7 @@ def test_values_are_means_over_episodes_not_over_updates(folder: Path) -> None:
     )
 
 
-def test_a_grid_gives_a_curve_for_each_point(tmp_path: Path) -> None:
+def test_grid_gives_a_curve_per_point(tmp_path: Path) -> None:
     path = write_run(tmp_path / "g", [[1, 2, 3, 4]], grid={"clip": [0.1, 0.2]})
     one, two = curves_of(path)
     assert (one.label, two.label) == ("g, clip 0.1", "g, clip 0.2")
@@ -79,7 +79,7 @@ def test_a_grid_gives_a_curve_for_each_point(tmp_path: Path) -> None:
     np.testing.assert_allclose(two.values, [[0.3], [0.4]])
 
 
-def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> None:
+def test_killed_run_is_plotted_up_to_last_complete_row(folder: Path) -> None:
     file = folder / "metrics.jsonl"
     lines = file.read_text().splitlines()
     file.write_text("\n".join(lines[:7]) + '\n{"update": 4, "st')
@@ -95,7 +95,7 @@ def test_a_run_that_was_killed_is_drawn_as_far_as_it_is_whole(folder: Path) -> N
         *(("return_sum", value) for value in (10**400, 4e38, float("nan"), [1.0])),
     ],
 )
-def test_rows_that_no_run_writes_are_told(folder: Path, name: str, value: object) -> None:
+def test_invalid_metrics_rows_are_refused(folder: Path, name: str, value: object) -> None:
     file = folder / "metrics.jsonl"
     first, rest = file.read_text().split("\n", 1)
     file.write_text(json.dumps(json.loads(first) | {name: value}) + "\n" + rest)
@@ -104,7 +104,7 @@ def test_rows_that_no_run_writes_are_told(folder: Path, name: str, value: object
 
 
 @pytest.mark.parametrize("name", ["update", "steps", "episodes"])
-def test_rows_without_a_count_are_told(folder: Path, name: str) -> None:
+def test_rows_without_a_count_are_refused(folder: Path, name: str) -> None:
     file = folder / "metrics.jsonl"
     *rest, last = map(json.loads, file.read_text().splitlines())
     del last[name]
@@ -113,7 +113,7 @@ def test_rows_without_a_count_are_told(folder: Path, name: str) -> None:
         curves_of(folder)
 
 
-def test_a_column_that_later_rows_lack_is_missing_there(folder: Path) -> None:
+def test_column_missing_from_later_rows_becomes_nan(folder: Path) -> None:
     file = folder / "metrics.jsonl"
     rows = [json.loads(line) for line in file.read_text().splitlines()]
     for row in rows[8:]:
@@ -125,8 +125,8 @@ def test_a_column_that_later_rows_lack_is_missing_there(folder: Path) -> None:
     np.testing.assert_array_equal(np.isnan(curve.values[1]), [False] * 4 + [True] * 2)
 
 
-def test_band_is_that_of_all_resamples() -> None:
-    """Against every one of the 27 draws of three runs, whose quantiles are exact."""
+def test_band_matches_all_resamples() -> None:
+    """Compare with all 27 resamples of three runs, whose quantiles are exact."""
     values = np.array([0.0, 1.0, 5.0])
     draws = np.array(
         [np.mean([values[i], values[j], values[k]]) for i in range(3) for j in range(3)
@@ -138,7 +138,7 @@ def test_band_is_that_of_all_resamples() -> None:
     assert high[0] == np.quantile(draws, 0.975, method="inverted_cdf")
 
 
-def test_band_passes_over_missing_values() -> None:
+def test_band_ignores_missing_values() -> None:
     curves = np.array([[1.0, np.nan, np.nan], [3.0, 4.0, np.nan]])
     mean, low, high = band(curves)
     np.testing.assert_array_equal(mean, [2, 4, np.nan])
@@ -146,7 +146,7 @@ def test_band_passes_over_missing_values() -> None:
     np.testing.assert_array_equal(high, [3, 4, np.nan])
 
 
-def test_interval_of_one_run_is_that_of_the_mean() -> None:
+def test_interval_of_one_run_is_of_the_mean() -> None:
     rng = np.random.default_rng(1)
     values = rng.normal(3.0, 2.0, size=(1, 400))
     interval = mean_interval(values)
@@ -156,14 +156,14 @@ def test_interval_of_one_run_is_that_of_the_mean() -> None:
     assert interval.high == pytest.approx(values.mean() + half, abs=0.15 * half)
 
 
-def test_interval_of_several_runs_is_that_of_runs_not_of_episodes() -> None:
-    """Two runs, all or nothing: however many episodes, no more than two samples."""
+def test_interval_of_several_runs_resamples_runs_not_episodes() -> None:
+    """One run always succeeds and one never: many episodes are still only two samples."""
     values = np.repeat([[0.0], [1.0]], 1000, axis=1)
     interval = mean_interval(values)
     assert (interval.mean, interval.low, interval.high) == (0.5, 0.0, 1.0)
 
 
-def test_plots_are_written_and_equal_each_time(folder: Path, tmp_path: Path) -> None:
+def test_plots_are_written_reproducibly(folder: Path, tmp_path: Path) -> None:
     curves = curves_of(folder, "success", points=3)
     paths = [tmp_path / "a.png", tmp_path / "a.svg", tmp_path / "b.svg"]
     save_plot(curves, paths, "success", "title")
@@ -173,7 +173,7 @@ def test_plots_are_written_and_equal_each_time(folder: Path, tmp_path: Path) -> 
     assert paths[1].read_bytes() == paths[2].read_bytes()
 
 
-def test_minutes_go_on_over_sessions(folder: Path) -> None:
+def test_minutes_add_up_over_sessions(folder: Path) -> None:
     # Killed after its fourth update, with a checkpoint after the third; the second row is missing.
     clock = [(1, 30), (3, 60), (4, 90), (4, 15), (5, 45), (6, 75)]
     rows = [json.dumps({"update": update, "seconds": s}) for update, s in clock]
@@ -184,7 +184,7 @@ def test_minutes_go_on_over_sessions(folder: Path) -> None:
     assert plot([curve], "success").axes[0].get_xlabel() == "minutes"
 
 
-def test_times_that_cannot_be_read_are_told(folder: Path) -> None:
+def test_unreadable_times_are_refused(folder: Path) -> None:
     with pytest.raises(SettingError, match=r"cannot read .*timing.jsonl: no such file"):
         curves_of(folder, over="minutes")
     for text, problem in (
@@ -202,7 +202,7 @@ def test_times_that_cannot_be_read_are_told(folder: Path) -> None:
             curves_of(folder, over="minutes")
 
 
-def test_a_part_of_a_row_of_times_is_cut_off(folder: Path) -> None:
+def test_incomplete_row_of_times_is_cut_off(folder: Path) -> None:
     """Otherwise the first row of the next session would be written into the same line."""
     row = '{"update": 1, "seconds": 30}\n'
     for whole, part in ((row, '{"upda'), (row, ""), ("", '{"upda')):
@@ -213,7 +213,7 @@ def test_a_part_of_a_row_of_times_is_cut_off(folder: Path) -> None:
         assert [json.loads(row)["update"] for row in text[len(whole) :].splitlines()] == [2]
 
 
-def test_the_figure_shows_what_was_measured(folder: Path) -> None:
+def test_figure_shows_measured_values(folder: Path) -> None:
     lone = Curve("lone", np.array([10.0, 20.0]), np.array([[np.nan, 0.5]]))
     figure = plot([*curves_of(folder, "success", points=3), lone], "success")
     (axes,) = figure.axes
@@ -227,8 +227,8 @@ def test_the_figure_shows_what_was_measured(folder: Path) -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("decisions", "success rate")
 
 
-def test_texts_in_figures_are_no_formulas(tmp_path: Path) -> None:
-    """Matplotlib would read what stands between dollars, and hide labels that begin with `_`."""
+def test_labels_are_not_parsed_as_math(tmp_path: Path) -> None:
+    """Matplotlib would parse text between dollar signs, and hide labels that begin with `_`."""
     labels = ["$\\frac{$", "_hidden", "a\x1b[2J\ud800"]
     curves = [Curve(label, np.array([1.0, 2.0]), np.array([[1.0, 2.0]])) for label in labels]
     save_plot(curves, [tmp_path / "a.png"], labels[0], title=labels[0])
@@ -244,7 +244,7 @@ def test_texts_in_figures_are_no_formulas(tmp_path: Path) -> None:
     save_figure(figure, [tmp_path / "b.png"])
 
 
-def test_what_cannot_be_drawn_is_told(folder: Path, tmp_path: Path) -> None:
+def test_impossible_plots_are_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="unknown metric 'sucess', did you mean 'success'"):
         curves_of(folder, "sucess")
     with pytest.raises(SettingError, match=r"should end in .png or .svg"):

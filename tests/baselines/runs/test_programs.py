@@ -24,7 +24,7 @@ from jaxenstein.files import OutputError
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "exported_agent.py"
 # Runs the program that its first argument names, with the others, where no jaxenstein is found.
-WITHOUT = """
+WITHOUT_PACKAGE = """
 import runpy, sys
 sys.modules["jaxenstein"] = None
 del sys.argv[0]
@@ -39,7 +39,7 @@ def frames(agent: Any, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("greedy", [True, False])
 @pytest.mark.usefixtures("plain_frames")
-def test_an_agent_is_a_policy_of_evaluate(folder: RunFolder, greedy: bool) -> None:
+def test_agent_is_a_policy_for_evaluate(folder: RunFolder, greedy: bool) -> None:
     agent = load_policy(folder.path, 0, greedy=greedy)
     carry, key = agent.initial_carry(), jax.random.key(3)
     session = jaxenstein.Session(agent.env, agent.params, seed=1)
@@ -58,7 +58,7 @@ def test_an_agent_is_a_policy_of_evaluate(folder: RunFolder, greedy: bool) -> No
 
 @pytest.fixture(scope="module")
 def exported(plain_frames: None, folder: RunFolder) -> Path:
-    """The first run of the folder as a program, by the command; beside it is the .npz file."""
+    """The first run of the folder, exported as a program with its .npz file."""
     pytest.importorskip("flatbuffers")
     path = folder.path.parent / "agent.jaxexport"
     out = str(path.with_suffix(".npz"))
@@ -67,8 +67,8 @@ def exported(plain_frames: None, folder: RunFolder) -> Path:
     return path
 
 
-def test_the_example_acts_without_this_package(exported: Path) -> None:
-    command = [sys.executable, "-W", "error", "-c", WITHOUT, str(EXAMPLE), str(exported)]
+def test_example_acts_without_this_package(exported: Path) -> None:
+    command = [sys.executable, "-W", "error", "-c", WITHOUT_PACKAGE, str(EXAMPLE), str(exported)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     agent = load_policy(exported.with_suffix(".npz"))
@@ -83,7 +83,7 @@ def test_the_example_acts_without_this_package(exported: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 5])
-def test_a_program_is_the_agent_for_any_number(exported: Path, count: int) -> None:
+def test_program_matches_agent_for_any_batch_size(exported: Path, count: int) -> None:
     from jax import export
 
     program = export.deserialize(bytearray(exported.read_bytes()))
@@ -105,7 +105,7 @@ def test_a_program_is_the_agent_for_any_number(exported: Path, count: int) -> No
     assert np.all(carry["started"])
 
 
-def test_a_greedy_program_needs_no_chance(exported: Path, folder: RunFolder) -> None:
+def test_greedy_program_ignores_keys(exported: Path, folder: RunFolder) -> None:
     from jax import export
 
     path = exported.with_name("greedy.jaxexport")
@@ -122,7 +122,7 @@ def test_a_greedy_program_needs_no_chance(exported: Path, folder: RunFolder) -> 
     }
 
 
-def test_what_is_no_program_is_told(
+def test_non_programs_are_refused(
     folder: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip

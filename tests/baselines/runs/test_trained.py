@@ -45,7 +45,7 @@ def packaged(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "HERE", file.parent)
 
 
-def test_a_file_holds_one_run_rounded_with_its_score(folder: RunFolder, file: Path) -> None:
+def test_file_holds_one_rounded_run_with_its_score(folder: RunFolder, file: Path) -> None:
     restored = folder.restore()
     assert restored is not None
     ours = jax.tree.leaves(jax.tree.map(lambda leaf: leaf[1], restored.state.params))
@@ -70,7 +70,7 @@ def test_a_file_holds_one_run_rounded_with_its_score(folder: RunFolder, file: Pa
     exact.unlink()
 
 
-def test_the_point_of_a_grid_becomes_the_numbers_of_the_run(folder: RunFolder) -> None:
+def test_grid_point_becomes_hparams_of_the_run(folder: RunFolder) -> None:
     grid = (("clip", (0.1, 0.3)), ("entropy", (0.0, 0.5)))
     experiment = dataclasses.replace(folder.experiment, grid=grid)
     assert experiment.runs[3] == {"clip": 0.1, "entropy": 0.5, "seed": 1}
@@ -82,7 +82,7 @@ def test_the_point_of_a_grid_becomes_the_numbers_of_the_run(folder: RunFolder) -
 
 
 @pytest.mark.usefixtures("packaged")
-def test_pretrained_agents_are_known_by_name(
+def test_pretrained_agents_are_found_by_name(
     folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -163,7 +163,7 @@ def spoilt(entries: dict[str, bytes]) -> None:
         (spoilt, "its parameters are not finite"),
     ],
 )
-def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None:
+def test_error_says_why_path_is_no_agent(file: Path, change: Any, message: str) -> None:
     path = changed(file, change)
     with pytest.raises(SettingError, match=message) as told:
         load_policy(path)
@@ -171,7 +171,7 @@ def test_what_is_no_agent_is_told(file: Path, change: Any, message: str) -> None
 
 
 @pytest.mark.parametrize("spoilt", ["config.json", "bias'].npy"])
-def test_a_file_that_swells_is_refused(file: Path, tmp_path: Path, spoilt: str) -> None:
+def test_zip_bomb_is_refused(file: Path, tmp_path: Path, spoilt: str) -> None:
     """An entry that Python would unpack as a whole, even to read a few bytes."""
     path = tmp_path / "swollen.npz"
     with zipfile.ZipFile(file) as archive, zipfile.ZipFile(path, "w") as other:
@@ -182,7 +182,9 @@ def test_a_file_that_swells_is_refused(file: Path, tmp_path: Path, spoilt: str) 
         load_policy(path)
 
 
-def test_damaged_and_missing_files_are_told(folder: RunFolder, file: Path, tmp_path: Path) -> None:
+def test_damaged_and_missing_files_are_refused(
+    folder: RunFolder, file: Path, tmp_path: Path
+) -> None:
     cut = tmp_path / "cut.npz"
     cut.write_bytes(file.read_bytes()[:-200])
     with pytest.raises(SettingError, match=r"cut\.npz is not an agent from 'jaxenstein export'"):
@@ -194,7 +196,7 @@ def test_damaged_and_missing_files_are_told(folder: RunFolder, file: Path, tmp_p
 
 
 @pytest.mark.parametrize("name", list(pretrained()))
-def test_the_agents_of_the_package_are_small_and_whole(name: str) -> None:
+def test_packaged_agents_are_small_and_complete(name: str) -> None:
     path = pretrained()[name]
     assert path.stat().st_size <= LARGEST
     policy = load_policy(f"pretrained/{name}")
@@ -203,13 +205,13 @@ def test_the_agents_of_the_package_are_small_and_whole(name: str) -> None:
     assert score["sampled"]["episodes"] == score["greedy"]["episodes"] >= 100
 
 
-def test_one_fetches_the_key() -> None:
+def test_packaged_agent_fetches_the_key() -> None:
     policy = load_policy("pretrained/key-door")
     episode = jaxenstein.record(policy.env, policy.params, policy, seed=0)
     assert (episode.ending, episode.returns[-1], episode.steps) == ("terminated", 1, 10)
 
 
-def test_one_finds_the_armour() -> None:
+def test_packaged_agent_finds_the_armour() -> None:
     policy = load_policy("pretrained/doom-my-way-home", greedy=True)
     for seed in (0, 1, 2):
         episode = jaxenstein.record(policy.env, policy.params, policy, seed=seed)
@@ -217,7 +219,7 @@ def test_one_finds_the_armour() -> None:
         assert episode.returns[-1] > 0.9
 
 
-def test_numbers_that_float16_does_not_hold_are_told(folder: RunFolder, tmp_path: Path) -> None:
+def test_numbers_beyond_float16_are_refused(folder: RunFolder, tmp_path: Path) -> None:
     shutil.copytree(folder.path, tmp_path / "run")
     copied = RunFolder.open(tmp_path / "run")
     restored = copied.restore()

@@ -1,4 +1,4 @@
-"""Mazes of DeepMind Lab, against pictures from which the files are written here."""
+"""Mazes of DeepMind Lab, compared with the text pictures from which their files are made."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def faces_of(tilemap: TileMap, column: int, row: int) -> dict[str, int]:
     return {name: face[row][column] for name, face in zip(FACES, faces, strict=True)}
 
 
-def test_what_a_file_says() -> None:
+def test_file_is_parsed() -> None:
     maze = read_maze(TEXT, "small")
     assert (maze.name, maze.columns, maze.rows) == ("small", 3, 2)
     assert {cell for cell, _ in maze.floors} == {(c, r) for c in range(3) for r in range(2)}
@@ -52,7 +52,7 @@ def test_what_a_file_says() -> None:
     assert maze.decals == ()
 
 
-def test_the_picture_comes_back() -> None:
+def test_converted_map_equals_the_text() -> None:
     tilemap = convert(TEXT)
     assert tilemap.tile_text() == PICTURE
     assert tilemap.faces is None
@@ -71,7 +71,7 @@ def test_cells_without_floor_and_sides_without_panel_are_solid() -> None:
     assert tilemap.tile_text() == "#####\n#S###\n#.###\n#G.a#\n#####\n"
 
 
-def test_places_are_counted_from_the_south_west_corner() -> None:
+def test_positions_count_from_the_south_west_corner() -> None:
     far = re.sub(
         r"\( (-?[\d.]+) (-?[\d.]+) (-?[\d.]+) \)",
         lambda m: f"( {float(m[1]) - 700} {float(m[2]) + 1300} {m[3]} )",
@@ -96,7 +96,7 @@ def test_panels_have_a_colour_on_each_side() -> None:
     assert faces_of(tilemap, 4, 1)["west"] == GREEN
 
 
-def test_the_end_of_a_wall_continues_its_faces() -> None:
+def test_end_of_a_wall_continues_its_faces() -> None:
     picture = "11111\n1S.a1\n1.1.1\n1.1.1\n11111\n"
     colours = {(0, 0, "east"): "green", (1, 0, "west"): "blue"}
     tilemap = convert(labmaps.write_map(picture, colours))
@@ -107,7 +107,7 @@ def test_the_end_of_a_wall_continues_its_faces() -> None:
     assert faces_of(tilemap, 2, 2)["north"] in (GREEN, BLUE)
 
 
-def test_a_corner_continues_each_of_its_two_walls() -> None:
+def test_corner_continues_each_of_its_two_walls() -> None:
     """One wall comes from the north, one from the west, and each side has its own colour."""
     picture = "11111\n1S1.1\n111.1\n1..a1\n11111\n"
     colours = {(1, 1, "west"): "green", (0, 0, "north"): "blue"}
@@ -125,7 +125,7 @@ def test_a_corner_continues_each_of_its_two_walls() -> None:
         ((1, 1, "south"), (3, 4), "north"),
     ],
 )
-def test_a_decal_is_on_one_face_only(
+def test_decal_is_on_one_face_only(
     side: labmaps.CellSide, tile: tuple[int, int], face: str
 ) -> None:
     picture = "1111111\n1S.a.a1\n1.111.1\n1.1.1.1\n1.111.1\n1.....1\n1111111"
@@ -137,7 +137,7 @@ def test_a_decal_is_on_one_face_only(
     assert (tilemap.walls == DECAL_LABELS[0]).sum() == 1
 
 
-def test_decals_are_numbered_in_the_files_order() -> None:
+def test_decals_are_numbered_in_file_order() -> None:
     decals = {(0, 0, "east"): "cat", (0, 0, "north"): "dog", (1, 0, "west"): "cow"}
     tilemap = convert(labmaps.write_map("33333\n3S3G3\n33333", decals={**decals}))
     assert faces_of(tilemap, 2, 1)["west"] == DECAL_LABELS[0]
@@ -169,7 +169,7 @@ def test_more_decals_than_labels() -> None:
         ("stone", "#"),
     ],
 )
-def test_textures_become_walls_of_their_colour(texture: str, symbol: str) -> None:
+def test_textures_become_wall_colours(texture: str, symbol: str) -> None:
     assert wall_label(texture) == SYMBOLS[symbol].label
 
 
@@ -312,7 +312,7 @@ def test_two_apples_in_a_cell() -> None:
         ((0, 0, 100), (1, 100, 200), "a brush of 1 by 100 by 100 units"),
     ],
 )
-def test_brushes_that_are_no_part_of_a_cell(low: tuple, high: tuple, message: str) -> None:
+def test_misplaced_brushes(low: tuple, high: tuple, message: str) -> None:
     brush = labmaps.brush(low, high, "stone")
     text = edit(FIRST_PANEL, brush)
     with pytest.raises(MapError, match=message) as caught:
@@ -320,7 +320,7 @@ def test_brushes_that_are_no_part_of_a_cell(low: tuple, high: tuple, message: st
     assert caught.value.line == line_of(text, brush)
 
 
-def test_brushes_that_are_no_boxes() -> None:
+def test_brushes_that_are_not_boxes() -> None:
     side = labmaps.plane(2, 0.0, "map/lab_games/style_wall_green")
     for broken in (
         FIRST_PANEL.replace("( 0.0 32 0 )", "( 3 32 0 )"),
@@ -347,7 +347,7 @@ def test_brushes_that_are_no_boxes() -> None:
         (lambda text: text.replace("( 2.0 ", "( 20 ", 1), "not a flat, upright"),
     ],
 )
-def test_decals_that_hang_nowhere(change: Callable[[str], str], message: str) -> None:
+def test_decals_without_a_wall(change: Callable[[str], str], message: str) -> None:
     assert DECAL in HUNG
     changed = change(DECAL)
     assert changed != DECAL
@@ -364,7 +364,7 @@ def test_unknown_entities_are_ignored() -> None:
     assert read_maze(TEXT + more + nameless) == read_maze(TEXT)
 
 
-def test_an_entity_without_its_brace_is_read_with_a_warning() -> None:
+def test_entity_without_closing_brace_gives_a_warning() -> None:
     """Two of the original files have such a place."""
     text = TEXT.replace(START, START.removeprefix("{\n"))
     with pytest.warns(MapWarning, match="line .*: an entity starts without '{'") as caught:
@@ -375,7 +375,7 @@ def test_an_entity_without_its_brace_is_read_with_a_warning() -> None:
     assert caught[0].filename == __file__
 
 
-def test_other_forms_of_the_same_file() -> None:
+def test_equivalent_forms_of_a_file() -> None:
     expected = read_maze(TEXT)
     assert read_maze(TEXT.replace("\n", "\r\n")) == expected
     assert read_maze("\ufeff" + TEXT) == expected
@@ -383,7 +383,7 @@ def test_other_forms_of_the_same_file() -> None:
     assert read_maze(" ".join(TEXT.split())) == expected
 
 
-def test_what_is_not_text() -> None:
+def test_non_text_is_refused() -> None:
     with pytest.raises(MapError, match="not bytes"):
         read_maze(b"{}")  # type: ignore[arg-type]
     with pytest.raises(MapError, match=r"^old\.map, line 1: "):
@@ -409,7 +409,7 @@ def test_sizes() -> None:
 @settings(deadline=None, max_examples=150)
 @given(st.data())
 @pytest.mark.filterwarnings("ignore::jaxenstein.errors.MapWarning")
-def test_damage_anywhere_is_an_error_or_harmless(data: st.DataObject) -> None:
+def test_damage_is_an_error_or_harmless(data: st.DataObject) -> None:
     text = HUNG
     start = data.draw(st.integers(0, len(text)))
     kind = data.draw(st.sampled_from(["cut", "delete", "insert", "swap"]))

@@ -72,7 +72,7 @@ class Grid:
 
 
 class MiniGridEnv:
-    """What `convert` uses of an environment."""
+    """The parts of an environment that `convert` uses."""
 
     def __init__(self, text: str, direction: int = 0) -> None:
         lines = text.split()
@@ -94,7 +94,7 @@ class Wrapper:
 PLAIN = "#####\n#S.G#\n#####"
 
 
-def test_every_element_becomes_ours() -> None:
+def test_every_element_is_converted() -> None:
     text = f"{'#' * 12}\n#S{KEYS}..G#\n#o{DOORS}f..#\n##{LOCKED}..f.\n"
     tilemap = convert(MiniGridEnv(text)).tilemap
     ours = text.replace("o", ".").replace("f", ".")
@@ -104,7 +104,7 @@ def test_every_element_becomes_ours() -> None:
 
 @settings(deadline=None, max_examples=50)
 @given(st.data())
-def test_any_grid_is_kept_tile_by_tile(data: st.DataObject) -> None:
+def test_any_grid_converts_tile_by_tile(data: st.DataObject) -> None:
     rows, columns = data.draw(st.integers(2, 6)), data.draw(st.integers(2, 6))
     marks = st.sampled_from([mark for mark in THINGS if mark not in "SG"])
     grid = np.array(data.draw(st.lists(marks, min_size=rows * columns, max_size=rows * columns)))
@@ -128,7 +128,7 @@ def test_headings_are_quarter_turns_clockwise() -> None:
     assert all(type(heading) is float for heading in found)
 
 
-def test_wrappers_are_looked_through() -> None:
+def test_wrappers_are_unwrapped() -> None:
     env = MiniGridEnv(PLAIN)
     assert convert(Wrapper(Wrapper(env))) == convert(env)
 
@@ -145,12 +145,12 @@ def test_wrappers_are_looked_through() -> None:
         ("#####\n#..G#", SettingError, r"call its reset first"),
     ],
 )
-def test_refusals(text: str, error: type[Exception], message: str) -> None:
+def test_unsupported_grids_are_refused(text: str, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         convert(MiniGridEnv(text))
 
 
-def test_refuses_states_within_an_episode_that_maps_cannot_say() -> None:
+def test_mid_episode_states_are_refused_if_a_map_cannot_hold_them() -> None:
     env = MiniGridEnv(PLAIN)
     env.carrying = Thing("key", "yellow")
     with pytest.raises(MapError, match="the agent carries a yellow key"):
@@ -173,7 +173,7 @@ class UnlockEnv(MiniGridEnv):
     pass
 
 
-def test_rules_that_no_map_keeps_are_refused() -> None:
+def test_rules_that_maps_lack_are_refused() -> None:
     with pytest.raises(SettingError, match=r"GoToLocal .* instruction .*'go to the red ball'"):
         convert(GoToLocal(PLAIN))
     with pytest.raises(SettingError, match="ends when a door is opened"):
@@ -185,26 +185,26 @@ class Slippery(MiniGridEnv):
         """Another rule."""
 
 
-def test_unknown_rules_are_warned_of() -> None:
+def test_unknown_rules_give_a_warning() -> None:
     with pytest.warns(MapWarning, match="Slippery changes what a step does") as caught:
         convert(Slippery(PLAIN))
     assert caught[0].filename == __file__
 
 
-def test_a_goal_out_of_reach_is_warned_of() -> None:
+def test_unreachable_goal_gives_a_warning() -> None:
     with pytest.warns(MapWarning, match=r"column 3, row 1 .*need a key") as caught:
         convert(MiniGridEnv("#####\n#SRG#\n#####"))
     assert caught[0].filename == __file__
 
 
 @pytest.mark.parametrize("thing", [None, 3, "MiniGrid-Empty-5x5-v0", Wrapper(object())])
-def test_other_objects_are_no_environments(thing: Any) -> None:
+def test_other_objects_are_refused(thing: Any) -> None:
     with pytest.raises(SettingError, match="is not a MiniGrid environment"):
         convert(thing)
 
 
 @pytest.mark.parametrize("package", ["minigrid", "gymnasium"])
-def test_a_missing_package_is_named(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_names_missing_package(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(SettingError, match=r"pip install 'jaxenstein\[minigrid\]'"):
         convert_id("MiniGrid-Empty-5x5-v0", 0)
@@ -297,7 +297,7 @@ def distance(walkable: np.ndarray, start: tuple[int, int], goal: tuple[int, int]
         "MiniGrid-LockedRoom-v0",
     ],
 )
-def test_a_converted_map_is_the_grid(gymnasium: Any, id: str, seed: int) -> None:
+def test_converted_map_equals_the_grid(gymnasium: Any, id: str, seed: int) -> None:
     env = reset(gymnasium, id, seed)
     found = convert(env)
     assert found == convert_id(id, seed)
@@ -316,20 +316,20 @@ def test_a_converted_map_is_the_grid(gymnasium: Any, id: str, seed: int) -> None
     assert theirs == distance(walkable, tilemap.spawns[0], tilemap.goals[0]) > 0
 
 
-def test_unknown_ids_name_near_ones(gymnasium: Any) -> None:
+def test_error_for_unknown_id_names_similar_ids(gymnasium: Any) -> None:
     with pytest.raises(UnknownEnvironmentError, match="did you mean 'MiniGrid-FourRooms-v0'"):
         convert_id("MiniGrid-FourRoom-v0", 0)
     with pytest.raises(UnknownEnvironmentError, match="None"):
         convert_id(None, 0)  # pyright: ignore[reportArgumentType]
 
 
-def test_environments_of_others_are_refused(gymnasium: Any) -> None:
+def test_environments_of_other_packages_are_refused(gymnasium: Any) -> None:
     with pytest.raises(SettingError, match="FrozenLake-v1 is not a MiniGrid environment"):
         convert_id("FrozenLake-v1", 0)
 
 
 def test_nothing_is_printed(gymnasium: Any, capfd: pytest.CaptureFixture[str]) -> None:
-    """Some ids are old versions, which gymnasium says; some levels are drawn again, and say so."""
+    """Gymnasium warns of old versions, and MiniGrid of levels that it draws again."""
     convert_id("MiniGrid-MultiRoom-N4-S5-v0", 0)
     with pytest.raises(SettingError):
         convert_id("BabyAI-GoToSeqS5R2-v0", 0)

@@ -76,7 +76,7 @@ def play(arms: Arms, asked: dict[int, int] | None = None, attack: Any = True) ->
         (FIST, range(8, TICS, 17)),
     ],
 )
-def test_shots_of_a_held_trigger_leave_as_in_the_game(weapon: Weapon, tics: range) -> None:
+def test_held_trigger_fires_as_in_the_game(weapon: Weapon, tics: range) -> None:
     """From the tic in which ATTACK is pressed on; recorded with ViZDoom 1.3.2, but for blows."""
     selected, fires, ammo, _ = play(arms_with(weapon))
     assert np.flatnonzero(fires).tolist() == list(tics)
@@ -87,7 +87,7 @@ def test_shots_of_a_held_trigger_leave_as_in_the_game(weapon: Weapon, tics: rang
     assert (selected == ALL.index(weapon)).all()
 
 
-def test_a_chaingun_shoots_in_pairs_the_first_of_which_are_exact() -> None:
+def test_chaingun_fires_pairs_with_an_exact_first_pair() -> None:
     once = np.arange(TICS) == 5
     _, fires, _, _ = play(arms_with(CHAINGUN), attack=once)
     assert np.flatnonzero(fires).tolist() == [5, 9]
@@ -95,7 +95,7 @@ def test_a_chaingun_shoots_in_pairs_the_first_of_which_are_exact() -> None:
     assert held[fires].tolist() == [False] * 2 + [True] * (int(fires.sum()) - 2)
 
 
-def test_another_weapon_comes_after_fifteen_tics_and_shoots_after_thirty() -> None:
+def test_new_weapon_appears_after_15_tics_and_fires_after_30() -> None:
     """As in the game, where ATTACK was held from the tic after the button on."""
     chaingun = {3: 1 << 3}
     selected, fires, _, _ = play(arms_with(PISTOL), chaingun, np.arange(TICS) > 3)
@@ -107,7 +107,7 @@ def test_another_weapon_comes_after_fifteen_tics_and_shoots_after_thirty() -> No
     assert np.flatnonzero(selected == ALL.index(CHAINGUN))[0] == PISTOL.ready + 15
 
 
-def test_an_empty_weapon_is_put_away_for_the_best_one() -> None:
+def test_empty_weapon_is_replaced_by_the_best_one() -> None:
     """Two rockets were left, with shotgun and chaingun: tics of a recorded sequence."""
     owned = FIST, PISTOL, SHOTGUN, CHAINGUN, ROCKET_LAUNCHER
     selected, fires, ammo, _ = play(arms_with(ROCKET_LAUNCHER, owned, rockets=2, shells=8))
@@ -139,7 +139,7 @@ def test_an_empty_weapon_is_put_away_for_the_best_one() -> None:
         ((PISTOL,), PISTOL, NEXT, None),
     ],
 )
-def test_buttons_select_what_the_player_has(
+def test_buttons_select_owned_weapons(
     have: tuple[Weapon, ...], start: Weapon, button: int, wanted: Weapon | None
 ) -> None:
     arms = ARSENAL.chosen(arms_with(start, have), jnp.int32(button))
@@ -149,7 +149,7 @@ def test_buttons_select_what_the_player_has(
     assert int(again.pending) == int(arms.pending)
 
 
-def test_no_weapon_without_ammunition_is_selected() -> None:
+def test_weapons_without_ammunition_cannot_be_selected() -> None:
     arms = arms_with(PISTOL, shells=1, rockets=0)
     assert int(ARSENAL.chosen(arms, jnp.int32(1 << 4)).pending) == NONE
     # The super shotgun takes two shells.

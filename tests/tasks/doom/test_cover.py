@@ -28,7 +28,7 @@ MEASURED: list[tuple[Picture, tuple[float, float, float, float], float]] = [
 ]
 
 
-def test_blows_do_not_make_the_eye_bob_and_walls_do_stop_it() -> None:
+def test_pushes_do_not_bob_the_eye_and_walls_damp_it() -> None:
     """A body that is pushed at 10 units a tic, and one that walks along a wall it is slowed by."""
     still, right = (hold(BUTTONS, jnp.int32(held)) for held in (0, 2))
     none, east = jnp.zeros(2, jnp.int32), jnp.uint32(0)
@@ -49,7 +49,7 @@ def test_blows_do_not_make_the_eye_bob_and_walls_do_stop_it() -> None:
 
 
 @pytest.mark.parametrize(("picture", "ends", "area"), MEASURED, ids=lambda p: getattr(p, "art", ""))
-def test_pictures_are_as_large_as_the_games(
+def test_picture_sizes_match_the_game(
     picture: Picture, ends: tuple[float, float, float, float], area: float
 ) -> None:
     bits = (load_art(picture.art)[0][None] >> np.arange(31, -1, -1)[:, None].astype(np.uint32)) & 1

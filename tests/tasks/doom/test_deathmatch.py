@@ -63,7 +63,7 @@ def with_weapon(env: Any, state: Any, weapon: Weapon, tics: int) -> Any:
     return state.replace(arms=arms, trigger=trigger)
 
 
-def test_the_start(match: Any) -> None:
+def test_initial_state(match: Any) -> None:
     env, state, _ = match
     assert env.action_names[0] == "nothing"
     # ViZDoom's wrapper numbers the buttons from the last to the first.
@@ -79,7 +79,7 @@ def test_the_start(match: Any) -> None:
     }
 
 
-def test_monsters_come_by_their_chances_where_there_is_room(match: Any) -> None:
+def test_monsters_spawn_with_their_probabilities_where_there_is_room(match: Any) -> None:
     """Six hundred draws of a small horde, beside the player and one existing monster."""
     horde = Horde([ZOMBIE, ZOMBIE, DEMON], walls=NO_WALLS)
     old = jax.tree.map(lambda leaf: leaf[: len(horde)], match[1].monsters)
@@ -117,14 +117,14 @@ def test_monsters_come_by_their_chances_where_there_is_room(match: Any) -> None:
     assert (after.health[comes[:, 2], 2] == 150).all()
 
 
-def test_nobody_appears_in_a_wall(match: Any) -> None:
+def test_nothing_spawns_in_a_wall(match: Any) -> None:
     env, _, _ = match
     corners = jnp.array([[x * ONE, y * ONE] for x in (32, 992) for y in (32, 992)], jnp.int32)
     widest = np.array(30, np.float32)
     assert not crosses(corners, widest, env.horde.walls).any()
 
 
-def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None:
+def test_pellets_scatter_and_fists_have_a_reach(match: Any) -> None:
     """Against sums over pellets one by one."""
     env, state, _ = match
     state = with_monster(env, state, HELL_KNIGHT, 512 + 300, 512, 500)
@@ -170,7 +170,7 @@ def test_pellets_have_their_own_errors_and_fists_their_reach(match: Any) -> None
     assert not damage(CHAINSAW).any()
 
 
-def test_a_kill_pays_by_its_kind_and_the_dead_are_gone(match: Any) -> None:
+def test_kill_reward_depends_on_kind_and_the_dead_disappear(match: Any) -> None:
     env, state, step = match
     attack = jnp.int32(env.index_of("attack"))
     ready = with_weapon(env, state, PISTOL, PISTOL.shot - 1)
@@ -186,7 +186,7 @@ def test_a_kill_pays_by_its_kind_and_the_dead_are_gone(match: Any) -> None:
     assert int(after.monsters.living.sum()) == 1
 
 
-def test_things_are_taken_by_walking_into_them(match: Any) -> None:
+def test_things_are_picked_up_by_walking_into_them(match: Any) -> None:
     env, state, step = match
     things = list(env.doom_map.things)
     number = next(i for i, thing in enumerate(things) if thing.kind == 82)
@@ -212,7 +212,7 @@ def test_things_are_taken_by_walking_into_them(match: Any) -> None:
     assert int(events["took_weapon"]) == 0
 
 
-def test_armour_and_health_share_a_blow(match: Any) -> None:
+def test_armour_and_health_share_damage(match: Any) -> None:
     env, state, _ = match
     params = env.check_params()
     dressed = state.replace(armour=jnp.int32(100), armour_share=jnp.int32(THIRD))
@@ -223,7 +223,7 @@ def test_armour_and_health_share_a_blow(match: Any) -> None:
     assert after.fixed_velocity.tolist() == [-30 * ONE // 8, 0]
 
 
-def test_monsters_come_from_tic_105_on_every_tenth(match: Any) -> None:
+def test_monsters_spawn_every_tenth_tic_from_105(match: Any) -> None:
     env, state, _ = match
     params = env.check_params().replace(crowd=1e6)
 
@@ -236,7 +236,7 @@ def test_monsters_come_from_tic_105_on_every_tenth(match: Any) -> None:
         assert int(present.sum()) == comes
 
 
-def test_what_the_game_tells(match: Any) -> None:
+def test_state_is_read_from_the_game(match: Any) -> None:
     """Two weapons at the first button, one at the second; a ball, a rocket and one that bursts."""
     env, state, _ = match
     values = dict.fromkeys((*env.game_variables, "HEALTH"), 0)

@@ -48,7 +48,7 @@ def shoot(at: tuple[float, float], living: list[bool]) -> Any:
     return jax.tree.map(np.asarray, out)
 
 
-def test_a_fireball_flies_ten_units_a_tic_and_ends_at_the_player() -> None:
+def test_fireball_flies_ten_units_a_tic_and_hits_the_player() -> None:
     position, flies, hits, bursts = shoot((-200, 0), [True, False])
     # It has half a tic's way behind it; it stops within a third of a tic of the box, 22 away.
     steps = position[:17, 0, 0] / ONE
@@ -60,7 +60,7 @@ def test_a_fireball_flies_ten_units_a_tic_and_ends_at_the_player() -> None:
     assert not flies[:, 1:].any()
 
 
-def test_a_fireball_just_hits_and_just_misses() -> None:
+def test_fireball_just_hits_and_just_misses() -> None:
     """The boxes' half-widths are 6 and 16; boxes that only touch do not meet."""
     assert shoot((-200, 21.99), [True, False])[2].any()
     position, _, hits, _ = shoot((-200, 22), [True, False])
@@ -69,13 +69,13 @@ def test_a_fireball_just_hits_and_just_misses() -> None:
     assert -301 < position[-1, 0, 0] / ONE < -294
 
 
-def test_a_fireball_ends_at_another_monster_and_hurts_nobody() -> None:
+def test_fireball_stops_at_another_monster_without_damage() -> None:
     position, _, hits, _ = shoot((-200, 0), [True, True])
     assert not hits.any()
     assert -81 < position[-1, 0, 0] / ONE < -74
 
 
-def test_new_ones_take_the_places_of_the_oldest() -> None:
+def test_new_fireballs_replace_the_oldest() -> None:
     origin = places((0, 0), (0, 50))
     way = way_to(origin, places((-200, 0)))
     balls = no_projectiles(3)
@@ -92,7 +92,7 @@ class Air(PyTreeNode):
     fireballs: Projectiles
 
 
-def test_fireballs_of_the_game_fly_or_burst() -> None:
+def test_fireballs_read_from_the_game_fly_or_burst() -> None:
     rows = [(10, 20, 7, 0, 0), (30, 40, 8, 0, 10 * ONE), (50, 60, 9, 0, 10 * ONE)]
     game = Game(("DoomImpBall", "BaronBall", "DoomImpBall"), np.array(rows, np.int64), {})
 
@@ -107,14 +107,14 @@ def test_fireballs_of_the_game_fly_or_burst() -> None:
     assert told(2).position.tolist() == [[30, 40], [50, 60]]
 
 
-def test_the_eye_bobs_as_the_games() -> None:
+def test_eye_bobs_as_in_the_game() -> None:
     env, params = make("doom-take-cover")
     tics = player(env, params)(first_state(env, params), ACTIONS)
     lifts = jax.jit(jax.vmap(env.lift))(tics.state) * env.unit
     np.testing.assert_allclose(EYE + lifts[np.array(TICS)], HEIGHTS, atol=0.005)
 
 
-def test_imps_wake_throw_hurt_and_join() -> None:
+def test_imps_wake_throw_damage_and_multiply() -> None:
     env, params = make("doom-take-cover")
     params = params.replace(damage_factor=0.5)
     state = first_state(env, params, 5)

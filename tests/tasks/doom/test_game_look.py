@@ -36,7 +36,7 @@ def made(width: int, height: int) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize("scenario", LEAST)
-def test_most_pixels_are_those_of_the_game(pictures: Wad, scenario: str) -> None:
+def test_most_pixels_match_the_game(pictures: Wad, scenario: str) -> None:
     views = [view_of(row) for row in RECORDED["views"] if row["scenario"] == scenario][::ONE_OF]
     screens = renderers(scenario, pictures)
     small, large = SIZES
@@ -50,7 +50,7 @@ def test_most_pixels_are_those_of_the_game(pictures: Wad, scenario: str) -> None
         assert (images[0] == frames[1]).all(axis=-1).mean() < 0.5
 
 
-def test_the_vest_blinks_as_in_the_game() -> None:
+def test_vest_blinks_as_in_the_game() -> None:
     shown = jax.vmap(ANIMATIONS["GreenArmor"].frame_at)(jnp.arange(39))
     np.testing.assert_array_equal(shown, [4 <= tic % 13 <= 10 for tic in range(39)])
 
@@ -89,7 +89,7 @@ def test_wrong_settings_are_refused(
         jaxenstein.make(name, **settings)
 
 
-def test_the_eye_bobs_and_gold_shines_when_the_armour_is_taken(pictures: Wad) -> None:
+def test_eye_bobs_and_view_flashes_gold_when_armour_is_taken(pictures: Wad) -> None:
     env, params = made(64, 48)
     action = jnp.int32(env.action_names.index("forward"))
     step = jax.jit(env.transition)

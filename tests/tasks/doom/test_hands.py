@@ -64,7 +64,7 @@ def drawn() -> Any:
     )
 
 
-def test_the_weapon_is_drawn_pixel_by_pixel_and_flashes_after_a_shot(drawn: Any) -> None:
+def test_weapon_is_drawn_pixel_by_pixel_and_flashes_after_a_shot(drawn: Any) -> None:
     trigger, draw = drawn
     for tics in range(20):
         plain, full, _ = draw(trigger.replace(tics=jnp.int32(tics), wait=jnp.int32(0)))
@@ -73,14 +73,14 @@ def test_the_weapon_is_drawn_pixel_by_pixel_and_flashes_after_a_shot(drawn: Any)
         np.testing.assert_array_equal(full[:-STRIP], over(view, PISTOL.picture))
 
 
-def test_a_weapon_that_is_not_drawn_yet_is_not_shown(drawn: Any) -> None:
+def test_lowered_weapon_is_not_shown(drawn: Any) -> None:
     trigger, draw = drawn
     plain, full, _ = draw(trigger.replace(wait=jnp.int32(1)))
     np.testing.assert_array_equal(full[:-STRIP], plain)
 
 
 @pytest.mark.parametrize(("health", "ammo"), [(100, 26), (55, 13), (30, 5), (1, 0)])
-def test_the_strip_shows_health_and_ammunition(drawn: Any, health: int, ammo: int) -> None:
+def test_hud_shows_health_and_ammunition(drawn: Any, health: int, ammo: int) -> None:
     trigger, draw = drawn
     _, full, _ = draw(trigger.replace(ammo=jnp.int32(ammo)), health)
     inner = full[-STRIP + 1 : -1]
@@ -93,7 +93,7 @@ def test_the_strip_shows_health_and_ammunition(drawn: Any, health: int, ammo: in
         assert (columns[:, count:] == EMPTY).all()
 
 
-def test_greys_are_those_of_the_colours(drawn: Any) -> None:
+def test_greys_match_the_colours(drawn: Any) -> None:
     trigger, draw = drawn
     plain, full, grey = draw(trigger.replace(tics=jnp.int32(5), wait=jnp.int32(0)))
     assert grey.shape == (HEIGHT, WIDTH)
@@ -119,6 +119,6 @@ def test_every_weapon_has_a_look() -> None:
         ("doom-take-cover", {"show_weapon": True}, "has no weapon"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(id: str, settings: dict, message: str) -> None:
+def test_undrawable_settings_are_refused(id: str, settings: dict, message: str) -> None:
     with pytest.raises(SettingError, match=message):
         jaxenstein.make(id, **settings)

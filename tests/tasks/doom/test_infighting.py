@@ -53,7 +53,7 @@ def tics(monsters: Monsters, player: tuple[float, float]) -> tuple[Any, np.ndarr
         ([9, 9, 0], [0, 1, 0], [3, 3, 3]),
     ],
 )
-def test_who_is_hurt_and_lives_turns_on_who_did_it(
+def test_hurt_survivor_turns_on_its_attacker(
     damage: list[int], source: list[int], target: list[int]
 ) -> None:
     after = blow(some(*APART), jnp.array(damage), jnp.array(source))
@@ -64,7 +64,7 @@ def test_who_is_hurt_and_lives_turns_on_who_did_it(
     assert after.infighting.anger.tolist() == np.where(struck, STUBBORN, 0).tolist()
 
 
-def test_a_monster_keeps_to_its_enemy_for_a_hundred_steps() -> None:
+def test_monster_keeps_its_target_for_a_hundred_steps() -> None:
     monsters = some(*APART, target=(1, 3, 3))
     once = jnp.array([5, 0, 0])
     stubborn = monsters.replace(infighting=Infighting(jnp.array([1, 3, 3]), jnp.array([1, 0, 0])))
@@ -80,7 +80,7 @@ def test_a_monster_keeps_to_its_enemy_for_a_hundred_steps() -> None:
     assert int(after.infighting.target[0]) == 2
 
 
-def test_it_walks_to_its_enemy_and_back_to_the_player_when_that_is_dead() -> None:
+def test_monster_walks_to_its_target_then_back_to_the_player() -> None:
     player = 0, -900
     monsters = some((0, 0), (900, 0), (-900, 900), target=(1, 3, 3))
     after, path = tics(monsters, player)
@@ -95,7 +95,7 @@ def test_it_walks_to_its_enemy_and_back_to_the_player_when_that_is_dead() -> Non
 
 
 @pytest.mark.parametrize(("distance", "hurts"), [(63.9, True), (64, False)])
-def test_a_bite_is_the_enemys_and_reaches_to_its_side(distance: float, hurts: bool) -> None:
+def test_bite_hits_the_target_within_reach_of_its_side(distance: float, hurts: bool) -> None:
     """44 map units and the half-width of a zombie, 20; the player beside it feels nothing."""
     monsters = some((0, 0), (distance, 0), (0, 500), target=(1, 3, 3))
     monsters = monsters.replace(frame=jnp.asarray(THREE.melee) + jnp.array([2, 1, 1]))
@@ -108,7 +108,7 @@ def test_a_bite_is_the_enemys_and_reaches_to_its_side(distance: float, hurts: bo
     assert int(blows.source[1]) == 0
 
 
-def test_bullets_go_to_the_enemy_and_tell_whose_they_are() -> None:
+def test_bullets_hit_the_target_and_keep_their_owner() -> None:
     monsters = some((0, 300), (0, 0), (200, 0), target=(3, 2, 3))
     monsters = monsters.replace(frame=jnp.asarray(THREE.missile) + jnp.array([0, 1, 0]))
     shoots = jnp.array([False, True, False])

@@ -124,7 +124,7 @@ def test_ammunition_and_weapons() -> None:
         (200, HALF, [1_000_000], 0, 1_000_000 - 200),
     ],
 )
-def test_armour_takes_its_share(
+def test_armour_absorbs_its_share(
     armour: int, share: int, lost: list[int], left: int, felt: int
 ) -> None:
     after, rest = Armour().absorbed(mine(armour=armour, share=share), jnp.array(lost))

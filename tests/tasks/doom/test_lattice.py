@@ -21,7 +21,7 @@ def doom_map(corners: list[tuple[int, int]] = CORNERS) -> DoomMap:
     return DoomMap(walls, (SPOT,), 0.0, 128.0, 160.0)
 
 
-def test_the_tiles_of_an_l() -> None:
+def test_tiles_of_an_l_shaped_room() -> None:
     tiles = rasterise(doom_map())
     assert (tiles.west, tiles.north, tiles.unit) == (-16, 80, 16)
     assert tiles.text([SPOT]).splitlines() == [
@@ -58,7 +58,7 @@ def test_every_open_edge_has_a_texture() -> None:
         assert ((face > WALL) == (tiles.solid & before)).all()
 
 
-def test_the_level_is_solid_where_the_tiles_are() -> None:
+def test_level_is_solid_exactly_at_its_tiles() -> None:
     tiles = rasterise(doom_map())
     level = tiles.level()
     rows = np.asarray(level.row_bits)[:, 0]
@@ -78,6 +78,6 @@ def test_walls_off_the_lattice_are_refused() -> None:
         rasterise(doom_map([(0, 24), (32, 24), (32, 0), (0, 0)]))
 
 
-def test_a_chain_the_wrong_way_around_is_refused() -> None:
+def test_chain_in_wrong_direction_is_refused() -> None:
     with pytest.raises(MapError, match="has its open side on the left"):
         rasterise(doom_map(CORNERS[::-1]))

@@ -25,7 +25,7 @@ def without_monsters(state: Any) -> Any:
     return state.replace(monsters=state.monsters.replace(present=nobody))
 
 
-def test_nobody_moves_in_the_first_seven_tics(corridor: Any) -> None:
+def test_player_does_not_move_in_the_first_seven_tics(corridor: Any) -> None:
     """The rewards of running ahead, from the game."""
     env, state, play = corridor
     reward, *_ = play(without_monsters(state), [env.index_of("forward")] * 40)
@@ -33,14 +33,14 @@ def test_nobody_moves_in_the_first_seven_tics(corridor: Any) -> None:
     np.testing.assert_allclose(reward[7:11], [0.781, 1.489, 2.131, 2.712], atol=6e-4)
 
 
-def test_the_pistol_is_drawn_after_fifteen_tics(corridor: Any) -> None:
+def test_pistol_is_raised_after_fifteen_tics(corridor: Any) -> None:
     env, state, play = corridor
     info = play(without_monsters(state), [env.index_of("attack")] * 40).info
     assert np.flatnonzero(info["shots"]).tolist() == [19, 33]
     assert info["ammo"][-1] == 50
 
 
-def test_the_armour_pays_and_ends_in_the_tic_after(corridor: Any) -> None:
+def test_armour_pays_and_ends_the_episode_one_tic_later(corridor: Any) -> None:
     env, state, play = corridor
     near = env.at_pose(without_monsters(state), place(1250, 0), place(0, 0), jnp.uint32(0))
     near = near.replace(time=jnp.int32(20))
@@ -52,7 +52,7 @@ def test_the_armour_pays_and_ends_in_the_tic_after(corridor: Any) -> None:
     assert np.flatnonzero(info["success"]).tolist()[:1] == [first]
 
 
-def test_walls_hide_who_stands_in_an_alcove(corridor: Any) -> None:
+def test_walls_hide_monsters_in_an_alcove(corridor: Any) -> None:
     """From (608, 64) the way to (x, 0) passes y = 32 in the middle, and there it opens at 448."""
     env, *_ = corridor
     marksman = place(608, 64)
@@ -60,7 +60,7 @@ def test_walls_hide_who_stands_in_an_alcove(corridor: Any) -> None:
     assert not is_seen(marksman, place(287, 0), env.horde.opaque)
 
 
-def test_bullets_scatter_and_hurt_by_threes(corridor: Any) -> None:
+def test_bullets_scatter_and_damage_is_a_multiple_of_three(corridor: Any) -> None:
     env, state, _ = corridor
     horde, monsters = env.horde, state.monsters
     aims = jnp.asarray(horde.missile) + 1
@@ -97,7 +97,7 @@ def line() -> Any:
     return started("doom-defend-the-line")
 
 
-def test_who_dies_comes_back_stronger_and_ammunition_grows(line: Any) -> None:
+def test_dead_monsters_return_stronger_and_ammunition_grows(line: Any) -> None:
     env, state, play = line
     state = state.replace(health=jnp.int32(10000))
     reward, _, info, after = play(state, [env.index_of("attack")] * 6 + [0] * 99)
@@ -113,7 +113,7 @@ def test_who_dies_comes_back_stronger_and_ammunition_grows(line: Any) -> None:
     assert health[98, demon] == 5
 
 
-def test_a_fireball_kills_another_kind_and_spares_its_own(line: Any) -> None:
+def test_fireball_kills_other_kinds_and_spares_its_own(line: Any) -> None:
     env, state, _ = line
     params = env.default_params
 
@@ -143,7 +143,7 @@ def center() -> Any:
     return started("doom-defend-the-center")
 
 
-def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety(center: Any) -> None:
+def test_kill_pays_at_once_and_monster_respawns_after_90_tics(center: Any) -> None:
     env, state, play = center
     reward, ends, info, after = play(state, [env.index_of("attack")] * 10 + [0] * 96)
     there = after.monsters.present.sum(axis=1).tolist()
@@ -156,7 +156,7 @@ def test_a_kill_pays_in_its_tic_and_another_comes_after_ninety(center: Any) -> N
     assert not ends[-1]
 
 
-def test_death_costs_one_in_its_tic_and_ends(center: Any) -> None:
+def test_death_costs_one_and_ends_the_episode(center: Any) -> None:
     _, state, play = center
     beside = places((300, 0), (59, 0), (-300, 0), (300, 300), (-300, -300))
     now = jnp.ones(5, jnp.int32)
@@ -181,7 +181,7 @@ SEEN_FIRST = {
 
 
 @pytest.mark.parametrize("name", SEEN_FIRST)
-def test_the_first_step_has_been_taken(name: str) -> None:
+def test_first_state_is_after_the_first_move(name: str) -> None:
     """Demons step again in the second tic, and so do marines, who had begun two tics earlier."""
     env, params = make(name)
     state = first_state(env, params, 3)

@@ -31,7 +31,7 @@ def watch(facing: np.uint32, *spots: tuple[float, float], noise: int = -1) -> An
     return after.position, np.asarray(PAIR.acts)[after.frame], strikes
 
 
-def test_who_faces_the_player_steps_in_the_tics_of_the_game() -> None:
+def test_monster_facing_the_player_moves_in_the_tics_of_the_game() -> None:
     """A demon looks after 10 tics and steps 10 units every 2; a marine after 8, 8 units every 4."""
     position, acts, _ = watch(WEST, (700, 0), (0, 700))
     # The demon's first leg: a turn around is not considered, and it has begun by facing east.
@@ -44,21 +44,21 @@ def test_who_faces_the_player_steps_in_the_tics_of_the_game() -> None:
     assert acts[5].tolist() == [Act.WATCH, Act.WATCH]
 
 
-def test_who_looks_away_waits_for_a_shot() -> None:
+def test_monster_facing_away_waits_for_a_shot() -> None:
     position, acts, _ = watch(EAST, (700, 0), (800, 0), noise=25)
     assert (acts[:26] == Act.WATCH).all()
     assert (position[:26] == position[0]).all()
     assert acts[31].tolist() == [Act.CHASE, Act.CHASE]
 
 
-def test_a_demon_bites_after_sixteen_tics_and_a_marine_saws_on() -> None:
+def test_demon_bites_after_16_tics_and_marine_keeps_sawing() -> None:
     _, _, strikes = watch(WEST, (0, 59), (-59, 0))
     # Noticed at 9 and 7, in reach at once; the bite at 9 + 16, the saw at 7 + 4 and every 4.
     assert np.flatnonzero(strikes[:, 0]).tolist()[:1] == [25]
     assert np.flatnonzero(strikes[:, 1]).tolist() == list(range(11, 40, 4))
 
 
-def test_nobody_overlaps_in_a_crowd() -> None:
+def test_monsters_in_a_crowd_do_not_overlap() -> None:
     kinds = [DEMON, CHAINSAW_MARINE] * 4
     horde, count = Horde(kinds, walls=NO_WALLS), len(kinds)
     angle = np.arange(count) * (2 * np.pi / count)
@@ -76,12 +76,12 @@ def test_nobody_overlaps_in_a_crowd() -> None:
     assert np.median(np.abs(path[-1]).max(axis=-1)) < 120 * ONE
 
 
-def test_distance_is_the_games() -> None:
+def test_distance_matches_the_game() -> None:
     assert approximate(jnp.array([[30, -40], [0, 7]], jnp.int32)).tolist() == [55, 7]
 
 
 @pytest.mark.parametrize(("distance", "hurts"), [(59.9, True), (60, False)])
-def test_a_bite_reaches_sixty_units(distance: float, hurts: bool) -> None:
+def test_bite_reaches_60_units(distance: float, hurts: bool) -> None:
     monsters = some(WEST, (distance, 0), (500, 500))
     monsters = monsters.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([2, 1]))
     bits = jnp.full((2, 1), 3 << 16, jnp.uint32)
@@ -92,7 +92,7 @@ def test_a_bite_reaches_sixty_units(distance: float, hurts: bool) -> None:
     assert friendly.tolist() == [0, 0]
 
 
-def test_a_saw_hits_who_stands_between() -> None:
+def test_saw_hits_a_monster_in_between() -> None:
     monsters = some(WEST, (30, 0), (59, 0))
     monsters = monsters.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([0, 1]))
     bits = jnp.full((2, 1), 9 << 16, jnp.uint32)
@@ -114,7 +114,7 @@ def test_damage_kills_flinches_and_wakes() -> None:
     assert hurts.frame.tolist() == [PAIR.pain[0], PAIR.stand[1]]
 
 
-def test_who_flinches_shoots_back() -> None:
+def test_flinching_monster_shoots_back() -> None:
     """Even one that would wait, or leave it for now as far away as this, but not within a leg."""
     horde = Horde([standing(IMP)] * 2, walls=NO_WALLS)
     start = horde.placed(

@@ -69,7 +69,7 @@ def stacked(rows: list, **types: type) -> dict[str, jax.Array]:
 
 
 @pytest.mark.parametrize("name", BUTTONS)
-def test_tic_is_that_of_plain_integers(name: str) -> None:
+def test_tic_matches_plain_integers(name: str) -> None:
     world, geometry = world_of(name), load_geometry(name)
     drawn = cases(world, 300, seed=len(name))
     players, held = (list(part) for part in zip(*drawn, strict=True))
@@ -102,7 +102,7 @@ def test_tic_is_that_of_plain_integers(name: str) -> None:
     assert slides > 50
 
 
-def test_alone_as_in_a_batch() -> None:
+def test_batch_equals_single_player() -> None:
     """Without `jax.vmap` the slide is a plain conditional."""
     world, geometry = world_of("my-way-home"), load_geometry("my-way-home")
     run = jax.jit(lambda body, buttons: tic(geometry, body, buttons)[0])
@@ -130,7 +130,7 @@ OTHERS = sorted(BUTTONS.keys() - {"health-gathering"})
     "name",
     ["health-gathering", *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)],
 )
-def test_recorded_episodes_are_equal_to_the_last_bit(name: str) -> None:
+def test_recorded_episodes_match_bit_for_bit(name: str) -> None:
     """Recorded by `fidelity.doom_recording` in ViZDoom 1.3.2."""
     recordings = load(RECORDINGS / f"{name}.npz")
     differ, slid = replay(name, recordings)
@@ -138,7 +138,7 @@ def test_recorded_episodes_are_equal_to_the_last_bit(name: str) -> None:
     assert slid.sum() > 100
 
 
-def test_a_wrong_recording_would_be_noticed() -> None:
+def test_wrong_recording_is_detected() -> None:
     recordings = load(RECORDINGS / "health-gathering.npz")
     recordings[1].velocity[100, 1] += 1
     differ, _ = replay("health-gathering", recordings)
@@ -152,7 +152,7 @@ def test_actions_are_numbered_as_in_the_wrapper() -> None:
 
 
 @pytest.mark.parametrize("name", BUTTONS)
-def test_maps_are_written_as_they_are_read(name: str) -> None:
+def test_maps_round_trip_through_text(name: str) -> None:
     doom_map = load_map(name)
     assert parse_map(doom_map.text()) == doom_map
 

@@ -16,9 +16,7 @@ def range_() -> Any:
 
 
 @pytest.mark.parametrize(("off", "hits"), [(30.99, True), (31, False), (-30.99, True)])
-def test_a_rocket_without_width_just_hits_and_just_misses(
-    range_: Any, off: float, hits: bool
-) -> None:
+def test_zero_width_rocket_just_hits_and_just_misses(range_: Any, off: float, hits: bool) -> None:
     env, state, play = range_
     actions = [0] * 3 + [env.index_of("attack")] + [0] * 36
     reward, ends, _, after = play(state.replace(target=place(0, 32 + off)), actions)
@@ -56,7 +54,7 @@ def walking(state: Any, x: float, y: float) -> Any:
     return state.replace(monsters=monster, line=place(x, y)[0], northward=jnp.bool_(True))
 
 
-def test_the_monster_walks_and_turns_back_as_recorded_in_the_game(prediction: Any) -> None:
+def test_monster_walks_and_turns_back_as_in_the_game(prediction: Any) -> None:
     """Twenty units in every third tic; near the end it waits a step, then goes on to the wall."""
     _, state, play = prediction
     after = play(walking(state, 52.43, 526.59), [0] * 70, seed=1).state
@@ -69,7 +67,7 @@ def test_the_monster_walks_and_turns_back_as_recorded_in_the_game(prediction: An
     assert (np.abs(path) <= 609).all()
 
 
-def test_a_missed_rocket_ends_the_episode_46_tics_later(prediction: Any) -> None:
+def test_missed_rocket_ends_the_episode_after_46_tics(prediction: Any) -> None:
     env, state, play = prediction
     actions = [0] * 2 + [env.index_of("attack")] * 68
     reward, ends, _, after = play(walking(state, 52.43, -560), actions, seed=1)
@@ -78,7 +76,7 @@ def test_a_missed_rocket_ends_the_episode_46_tics_later(prediction: Any) -> None
     np.testing.assert_allclose(reward, -0.001)
 
 
-def test_a_rocket_that_meets_the_monster_kills_it(prediction: Any) -> None:
+def test_rocket_kills_the_monster_it_hits(prediction: Any) -> None:
     env, state, play = prediction
     # It needs 8 tics to leave and 28 to get there, in which the monster walks 240 units.
     actions = [0] * 2 + [env.index_of("attack")] * 68

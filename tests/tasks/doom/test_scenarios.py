@@ -40,7 +40,7 @@ def assert_poses(after, recording: Recording) -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_my_way_home_goes_on_from_a_pose_as_the_game(number: int) -> None:
+def test_my_way_home_continues_from_a_pose_as_in_the_game(number: int) -> None:
     """Rewards, length and end, and the pose after every tic, with any combination of buttons."""
     env, state, play = started("doom-my-way-home", buttons="all")
     recording = load(RECORDINGS / "my-way-home.npz")[number]
@@ -70,7 +70,7 @@ def things_of(env, recording: Recording) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", HEALTH)
-def test_health_is_the_games_tic_by_tic(name: str) -> None:
+def test_health_matches_the_game_tic_by_tic(name: str) -> None:
     """Things lie where they lay in the game; all else follows from the buttons."""
     env, state, play = started(name, buttons="all")
     for recording in load(RECORDINGS / f"{name.removeprefix('doom-')}.npz"):
@@ -86,7 +86,7 @@ def test_health_is_the_games_tic_by_tic(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [HEALTH[0], pytest.param(HEALTH[1], marks=pytest.mark.slow)])
-def test_an_idle_player_dies_in_tic_384(name: str) -> None:
+def test_idle_player_dies_in_tic_384(name: str) -> None:
     env, params = make(name)
     first = first_state(env, params, 3)
     reward, terminated, _, after = player(env, params)(first, [0] * 384, seed=3)
@@ -104,7 +104,7 @@ def test_an_idle_player_dies_in_tic_384(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["health-gathering", "health-gathering-supreme"])
-def test_things_lie_evenly_where_they_fit(name: str) -> None:
+def test_things_are_placed_uniformly_where_they_fit(name: str) -> None:
     """No box of half-width 20 overlaps a wall, and quarters of the room get what they measure."""
     places = load_free_places(name)
     bits = jax.random.bits(jax.random.key(0), (20_000, 3), jnp.uint32)
@@ -133,7 +133,7 @@ def test_things_lie_evenly_where_they_fit(name: str) -> None:
     assert (((found - expected) ** 2 / expected).sum()) < 60
 
 
-def test_several_things_are_taken_one_after_another_the_newest_first() -> None:
+def test_several_things_are_taken_newest_first() -> None:
     """At health 60 two medkits of 25 are needed; of three the oldest is left."""
     env, _ = make("doom-health-gathering")
     n = len(env.pickups.kind_of)
@@ -150,14 +150,14 @@ def test_several_things_are_taken_one_after_another_the_newest_first() -> None:
 
 
 @pytest.mark.parametrize(("health", "after", "left"), [(50, 75, 0), (90, 100, 0), (100, 100, 1)])
-def test_a_medkit_alone(health: int, after: int, left: int) -> None:
+def test_single_medkit(health: int, after: int, left: int) -> None:
     env, _ = make("doom-health-gathering")
     reach = jnp.zeros(len(env.pickups.kind_of), bool).at[5].set(True)
     got, taken = env.pickups.take_one(jnp.int32(health), reach)
     assert (int(got), int((reach & ~taken).sum())) == (after, left)
 
 
-def test_position_and_heading_follow_from_the_pose() -> None:
+def test_position_and_heading_are_computed_from_the_pose() -> None:
     _, state, play = started("doom-my-way-home", buttons="all")
     state = state.replace(
         fixed_position=jnp.array((200 * ONE, -100 * ONE), jnp.int32), angle=jnp.uint32(2**30)
@@ -168,7 +168,7 @@ def test_position_and_heading_follow_from_the_pose() -> None:
     assert float(after.heading[0]) == pytest.approx(1.5 * np.pi)
 
 
-def test_only_known_buttons_at_once() -> None:
+def test_buttons_setting() -> None:
     with pytest.raises(jaxenstein.SettingError, match="buttons must be one of 'single', 'all'"):
         make("doom-my-way-home", buttons="two")
     env, _ = make("doom-my-way-home", buttons="all")
@@ -176,7 +176,7 @@ def test_only_known_buttons_at_once() -> None:
     assert env.action_names[-1] == "turn left + turn right + forward + move left + move right"
 
 
-def test_the_first_headings_are_those_of_the_scripts() -> None:
+def test_initial_headings_match_the_scripts() -> None:
     for name, low, high in (("sparse", 0, 3.6), ("very-sparse", 176.4, 183.6)):
         env, params = make(f"doom-my-way-home-{name}")
         keys = jax.random.split(jax.random.key(0), 500)
@@ -188,7 +188,7 @@ def test_the_first_headings_are_those_of_the_scripts() -> None:
         assert not (np.asarray(states.angle) % 65536).any()
 
 
-def test_a_view_of_one_row_is_the_horizons() -> None:
+def test_one_row_view_is_the_horizon() -> None:
     env, params = make("doom-my-way-home", height=1, width=32, observation="depth", frame_skip=4)
     low, low_params = make("doom-my-way-home", height=65, width=32, observation="depth")
     state = first_state(env, params, 4)

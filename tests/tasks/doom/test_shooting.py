@@ -37,7 +37,7 @@ def marched(ray: np.ndarray, inside: Any) -> float:
     return float(STEPS[met.argmax()]) if met.any() else float("inf")
 
 
-def test_rays_meet_boxes_and_walls_where_a_point_that_walks_does() -> None:
+def test_ray_hits_match_a_walking_point() -> None:
     draw = np.random.default_rng(0)
     for _ in range(12):
         angle = np.uint32(draw.integers(2**32))
@@ -63,7 +63,7 @@ def test_rays_meet_boxes_and_walls_where_a_point_that_walks_does() -> None:
             assert not np.isfinite(walked)
 
 
-def test_a_place_behind_a_wall_is_not_seen() -> None:
+def test_point_behind_a_wall_is_not_visible() -> None:
     assert not is_seen(place(0, 0), place(200, 0), WALLS)
     assert is_seen(place(0, 0), place(99, 0), WALLS)
     assert is_seen(place(0, 0), place(200, 200), WALLS)
@@ -71,7 +71,7 @@ def test_a_place_behind_a_wall_is_not_seen() -> None:
 
 
 @pytest.mark.parametrize(("off", "hits"), [(31, True), (31 + 1 / ONE, False), (-31, True)])
-def test_a_shot_just_hits_or_just_misses(off: float, hits: bool) -> None:
+def test_shot_just_hits_or_just_misses(off: float, hits: bool) -> None:
     """A shot hits a body exactly at its edge, and misses 1 / 65536 map unit beside it."""
     bodies = jnp.stack([place(300, off), place(90, 500)])
     widths = np.array([31, 31])
@@ -81,7 +81,7 @@ def test_a_shot_just_hits_or_just_misses(off: float, hits: bool) -> None:
     assert struck.tolist() == [hits, False]
 
 
-def test_the_nearest_body_stops_a_shot_and_so_does_a_wall() -> None:
+def test_nearest_body_or_wall_stops_a_shot() -> None:
     bodies = jnp.stack([place(300, 0), place(90, 0), place(60, 10)])
     widths, ray = np.array([20, 20, 20]), along(jnp.uint32(0))
 
@@ -107,7 +107,7 @@ def test_bodies_in_a_doorway_touch_and_do_not_overlap() -> None:
     assert crosses(place(0, 0), jnp.float32(20.1), door)
 
 
-def test_a_box_crosses_a_wall_where_a_sampled_one_does() -> None:
+def test_box_wall_crossings_match_sampling() -> None:
     draw = np.random.default_rng(1)
     wall = np.array([[-30, -10, 50, 40]], np.float32)
     points = wall[0, :2] + np.linspace(0, 1, 2001)[:, None] * (wall[0, 2:] - wall[0, :2])
@@ -135,7 +135,7 @@ PULLED: list[tuple[Weapon, list[int], dict[str, int], list[int]]] = [
 
 
 @pytest.mark.parametrize(("weapon", "held", "given", "expected"), PULLED)
-def test_a_weapon_fires_in_the_tics_of_the_game(
+def test_weapon_fires_in_the_tics_of_the_game(
     weapon: Weapon, held: list[int], given: dict[str, int], expected: list[int]
 ) -> None:
     trigger = Arsenal([Slot(weapon)], **given).trigger()
@@ -151,7 +151,7 @@ def pulled(weapon: Weapon) -> Any:
     return jax.jit(lambda trigger, held: jax.lax.scan(step, trigger, held)[1])
 
 
-def test_only_shots_of_a_held_trigger_scatter() -> None:
+def test_only_held_trigger_scatters_shots() -> None:
     """By 110 steps of 2**18: 2.4 degrees, which is 42 map units aside at a thousand."""
     arsenal = Arsenal([Slot(PISTOL)])
     ahead = jnp.stack([place(1000, 0), place(1000, 42)])
@@ -174,7 +174,7 @@ class Aiming(PyTreeNode):
     angle: jax.Array
 
 
-def test_basic_pays_the_hit_in_the_tic_of_the_bullet_and_ends_after_it() -> None:
+def test_basic_pays_a_hit_in_its_tic_and_then_ends() -> None:
     env, state, play = started("doom-basic")
     actions = [int(env.index_of("attack"))] * 6
     reward, ends, info, _ = play(state.replace(target=place(0, 32 + 31)), actions)

@@ -53,7 +53,7 @@ def test_tables_and_flats(tmp_path: Path) -> None:
     assert wad.lump("colormap") == COLORMAP.tobytes()
 
 
-def test_textures_are_patches_one_over_the_other(tmp_path: Path) -> None:
+def test_textures_are_overlaid_patches(tmp_path: Path) -> None:
     wad = opened(tmp_path)
     for name, ((height, width), parts) in WALL.items():
         expected = np.full((height, width), -1, np.int16)
@@ -83,7 +83,7 @@ def test_sprites_have_views_and_mirror_images(tmp_path: Path) -> None:
     same(trooper[5].pixels, TURNED[:, ::-1])
 
 
-def test_runs_of_tall_pictures_go_on_below_the_last_one(tmp_path: Path) -> None:
+def test_posts_of_tall_pictures_continue_below_the_last_one(tmp_path: Path) -> None:
     column = bytes([250, 2, 0, 7, 8, 0]) + bytes([50, 1, 0, 9, 0]) + b"\xff"
     tall = struct.pack("<4hI", 1, 400, 0, 0, 12) + column
     pixels = opened(tmp_path, PATCH=tall).patch("PATCH").pixels
@@ -94,7 +94,7 @@ def test_runs_of_tall_pictures_go_on_below_the_last_one(tmp_path: Path) -> None:
     }
 
 
-def test_the_last_of_equal_names_counts(tmp_path: Path) -> None:
+def test_last_of_equal_names_counts(tmp_path: Path) -> None:
     path = tmp_path / "two.wad"
     first, last = (write_picture(pixels) for pixels in (PATCH, POST))
     path.write_bytes(write_wad([("A", first), ("A", last), ("P_START", b""), ("P_END", b"")]))
@@ -115,14 +115,14 @@ def test_the_last_of_equal_names_counts(tmp_path: Path) -> None:
         (write_wad(small_lumps())[:-1], "cut off"),
     ],
 )
-def test_files_that_are_no_wads(tmp_path: Path, data: bytes, message: str) -> None:
+def test_files_that_are_not_wads(tmp_path: Path, data: bytes, message: str) -> None:
     path = tmp_path / "some.wad"
     path.write_bytes(data)
     with pytest.raises(WadError, match=rf"some\.wad: .*{message}"):
         Wad(path)
 
 
-def test_files_that_are_not_there(tmp_path: Path) -> None:
+def test_missing_files(tmp_path: Path) -> None:
     for path in (tmp_path / "none.wad", tmp_path, tmp_path / ("x" * 5000), Path("\0")):
         with pytest.raises(WadError, match="there is no such file"):
             Wad(path)
@@ -145,7 +145,7 @@ BAD = struct.pack("<4hI", 1, 4, 0, 0, 12)
         (struct.pack("<4h", 3, -4, 0, 0), "is 3 by -4 pixels"),
     ],
 )
-def test_pictures_that_are_damaged(tmp_path: Path, data: bytes | None, message: str) -> None:
+def test_damaged_pictures(tmp_path: Path, data: bytes | None, message: str) -> None:
     wad = opened(tmp_path, PATCH=data)
     with pytest.raises(WadError, match=rf"some\.wad: .*{message}"):
         wad.texture("WALL")
@@ -166,15 +166,13 @@ def test_pictures_that_are_damaged(tmp_path: Path, data: bytes | None, message: 
         ("PNAMES", struct.pack("<I", 2**32 - 1), "PNAMES is cut off"),
     ],
 )
-def test_textures_that_are_damaged(
-    tmp_path: Path, lump: str, data: bytes | None, message: str
-) -> None:
+def test_damaged_textures(tmp_path: Path, lump: str, data: bytes | None, message: str) -> None:
     wad = opened(tmp_path, **{lump: data})
     with pytest.raises(WadError, match=message):
         wad.texture("WALL")
 
 
-def test_what_is_missing_is_named(tmp_path: Path) -> None:
+def test_error_names_missing_lump(tmp_path: Path) -> None:
     wad = opened(tmp_path, COLORMAP=None, PLAYPAL=bytes(700), FLOOR=bytes(4095))
     for call, message in (
         (wad.palette, "lump PLAYPAL is cut off: it has only 700 bytes"),
@@ -190,14 +188,14 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
             call()
 
 
-def test_the_games_own_file_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_installed_iwad_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert find_iwad("my.wad") == Path("my.wad")
     monkeypatch.setitem(sys.modules, "vizdoom", None)
     with pytest.raises(MissingViZDoomError, match=r"jaxenstein\[vizdoom\]"):
         find_iwad()
 
 
-def test_every_picture_of_the_game_is_read() -> None:
+def test_every_picture_of_the_game_can_be_read() -> None:
     """Freedoom's file, as ViZDoom brings it; its own tables name what is in it."""
     pytest.importorskip("vizdoom")
     wad = Wad(find_iwad())

@@ -29,7 +29,7 @@ def shifted(mask, rows, columns):
 
 
 def beside(mask):
-    """bool[B, rows, columns], the tiles that share an edge with a tile of a mask."""
+    """bool[B, rows, columns]: the tiles that share an edge with a tile of a mask."""
     return np.logical_or.reduce([shifted(mask, *way) for way in RING[::2]])
 
 
@@ -42,7 +42,7 @@ def flood(walkable, seen):
         seen = grown
 
 
-def alone(floor, things):
+def only_neighbours(floor, things):
     """bool[B, rows, columns], tiles that are the only free neighbour of something."""
     ways = sum(shifted(floor, *way).astype(np.int8) for way in RING[::2])
     return floor & beside(things & (ways == 1))
@@ -58,22 +58,22 @@ def hangs_together(floor):
     return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
-def marked(shape, columns, rows, which):
-    """bool[shape], the tiles int[B, K] of those that bool[B, K] names."""
+def mask_of(shape, columns, rows, which):
+    """bool[shape]: the tiles int[B, K] that bool[B, K] selects."""
     mask = np.zeros(shape, bool)
     mask[np.nonzero(which)[0], rows[which], columns[which]] = True
     return mask
 
 
-def starts(states):
+def start_tiles(states):
     """bool[B, rows, columns], the tile where each level begins."""
     cell = np.floor(states.position).astype(int)[:, None]
     shape = len(cell), *states.level.walls.shape[-2:]
-    return marked(shape, cell[..., 0], cell[..., 1], np.ones(cell.shape[:2], bool))
+    return mask_of(shape, cell[..., 0], cell[..., 1], np.ones(cell.shape[:2], bool))
 
 
 class Search:
-    """What can be reached in B levels of N things and D doors.
+    """The reachable tiles and things in B levels with N things and D doors.
 
     Attributes:
         floor: bool[B, rows, columns], where one gets to.
@@ -102,7 +102,7 @@ class Search:
         self.shade, self.opened = states.doors.colour, ~states.doors.locked
         self.real = (tiles != 0).any(axis=-1)
         self.ground = states.level.walls[:, 0] == 0
-        self.floor = starts(states)
+        self.floor = start_tiles(states)
         self.had, self.moved = (np.zeros(self.kind.shape, kind) for kind in (bool, np.int8))
         known = -1
         # Carrying a thing away frees at least as much floor as it takes, so the sum never shrinks.
@@ -113,24 +113,24 @@ class Search:
                 self.carry_off()
 
     def parts(self):
-        """What grows."""
+        """The sets that grow during the search."""
         return self.floor, self.had, self.opened, self.moved
 
     def tiles(self, which):
         """bool[B, rows, columns], the tiles of bool[B, N] things."""
-        return marked(self.ground.shape, self.column, self.row, which)
+        return mask_of(self.ground.shape, self.column, self.row, which)
 
     def doors(self, which):
         """bool[B, rows, columns], the tiles of bool[B, D] doors."""
-        return marked(self.ground.shape, self.door_column, self.door_row, which & self.real)
+        return mask_of(self.ground.shape, self.door_column, self.door_row, which & self.real)
 
     def walkable(self):
-        """bool[B, rows, columns], where one could walk."""
+        """bool[B, rows, columns]: the walkable tiles."""
         stops = self.tiles(self.stops & (self.place == LYING))
         return (self.ground | self.doors(self.opened)) & ~stops
 
     def near(self):
-        """bool[B, rows, columns], the floor and what is beside it."""
+        """bool[B, rows, columns]: the floor and its neighbours."""
         return self.floor | beside(self.floor)
 
     def touch(self):
@@ -147,7 +147,7 @@ class Search:
         self.opened |= fits & near[self.batch, self.door_row, self.door_column]
 
     def carry_off(self):
-        """Carry away taken things that block something not reached yet."""
+        """Move taken things that block something unreached."""
         due = self.had & (self.place == LYING) & self.portable & (self.moved < MOVES)
         for slot in np.flatnonzero(due.any(axis=0)):
             beyond = (self.ground | self.doors(self.real)) & ~self.near()
@@ -162,7 +162,14 @@ class Search:
         # The agent may walk on with it.
         floor = flood(self.walkable()[levels] | here, self.floor[levels] | here)
         needed = self.tiles((self.place == LYING) & (self.kind != BALL) & ~own)[levels]
-        spots = floor & hangs_together(floor) & ~doors & ~litter & ~here & ~alone(floor, needed)
+        spots = (
+            floor
+            & hangs_together(floor)
+            & ~doors
+            & ~litter
+            & ~here
+            & ~only_neighbours(floor, needed)
+        )
         # Prefer tiles that are not the only access to something, at least not to a door or floor.
         for behind in (doors | self.ground[levels] & ~litter, self.ground[levels] | doors):
             apart = spots & ~beside(behind & ~floor)
@@ -227,7 +234,7 @@ def solvable(env, states):
     return (search.floor & goals).any(axis=(1, 2))
 
 
-def check_laid(env, states):
+def check_placement(env, states):
     """Whether things and the start are on free tiles, and are allowed in the world."""
     things, batch = states.things, np.arange(len(states.position))
     walls = states.level.walls[:, 0] != 0

@@ -23,7 +23,7 @@ from tests.tasks.minigrid.search import (
     LYING,
     RING,
     Search,
-    check_laid,
+    check_placement,
     hangs_together,
     solvable,
 )
@@ -49,7 +49,7 @@ def world(name) -> tuple[Any, Any]:
     return jaxenstein.make(PREFIX + name, height=8, width=8)
 
 
-def test_the_balls_colour_tells_nothing_of_the_start():
+def test_ball_colour_is_independent_of_the_start():
     states = levels("key-corridor-s3r1", FEW)
     quarters = np.round(np.asarray(states.heading) / (np.pi / 2)).astype(int) % 4
     colours = np.asarray(states.asked)[:, 0, 1]
@@ -65,15 +65,15 @@ def levels(name, count):
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_levels_can_be_solved(name):
+def test_levels_are_solvable(name):
     env, _ = world(name)
     states = levels(name, FEW)
     good = solvable(env, states)
     assert good.all(), f"{(~good).sum()} of {FEW} cannot be solved"
-    check_laid(env, states)
+    check_placement(env, states)
 
 
-def test_what_the_search_finds_out():
+def test_search_decides_solvability():
     """A level whose key is taken away, or whose box is empty, cannot be solved."""
     for name, which in (("door-key-5x5", KEY), ("unlock", KEY)):
         env, _ = world(name)
@@ -105,13 +105,13 @@ def test_what_the_search_finds_out():
         ("#######\n#S.Y.b#\n##.##.#\n##.##G#\n#######", False),
     ],
 )
-def test_what_is_in_the_way_is_laid_down_elsewhere(text, solved):
+def test_search_moves_obstacles_aside(text, solved):
     env, _, state, _ = drawn(text)
     states = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
     assert solvable(env, states).tolist() == [solved]
 
 
-def test_floor_hangs_together_as_a_slow_search_says():
+def test_connectivity_matches_a_slow_search():
     """All surroundings of a tile, as graphs of eight tiles in a ring."""
     rings = np.array(list(itertools.product((False, True), repeat=8)))
     floor = np.zeros((len(rings), 3, 3), bool)
@@ -146,7 +146,7 @@ def test_boxes_hide_keys():
     assert (things.kind != GOAL).all()
 
 
-def test_there_are_seventy():
+def test_number_of_environments():
     assert len(NAMES) == 70
 
 
@@ -154,12 +154,12 @@ def test_there_are_seventy():
     ("kind", "settings", "match"),
     [(GoToDoor, {"size": 4}, "size must be a whole number from 5"), (Memory, {"size": 6}, "size")],
 )
-def test_sizes_that_cannot_be_built_are_refused(kind, settings, match):
+def test_impossible_sizes_are_refused(kind, settings, match):
     with pytest.raises(SettingError, match=match):
         kind(**settings)
 
 
-def test_levels_of_a_range_are_those_of_their_seeds():
+def test_levels_of_a_range_match_their_seeds():
     env: Any = jaxenstein.make("minigrid-fetch-8x8-n3", height=8, width=8, levels=(7, 9))[0]
     draw = jax.jit(jax.vmap(lambda key: env.init_state(key, env.default_params)))
     states = jax.device_get(draw(jax.random.split(jax.random.key(0), 64)))

@@ -31,7 +31,7 @@ def plaza():
 
 
 def put(state, x, y, quarter):
-    """The state with the agent elsewhere."""
+    """The state with the agent at another pose."""
     place = jnp.array([x, y], jnp.float32)
     return state.replace(position=place, heading=jnp.float32(quarter * math.pi / 2))
 
@@ -48,7 +48,7 @@ def number(state, kind, at=0):
     return int(np.flatnonzero(np.asarray(state.things.kind) == kind)[at])
 
 
-def test_things_that_lie_there_are_in_the_way():
+def test_objects_block_the_way():
     _, _, state, step = plaza()
     blocked = after(step, put(state, 2.9, 1.5, 0), FORWARD)[0]
     np.testing.assert_allclose(blocked.position, [2.9, 1.5])
@@ -73,7 +73,7 @@ def test_things_that_lie_there_are_in_the_way():
         (1.1, 1.5, 0, False),  # the arm does not reach past its own tile
     ],
 )
-def test_what_is_carried_is_dropped_where_nothing_is(x, y, quarter, free):
+def test_carried_object_drops_only_on_empty_floor(x, y, quarter, free):
     _, _, state, step = plaza()
     key = number(state, 0)
     state = after(step, put(state, 2.5, 1.5, 0), PICK_UP)[0]
@@ -86,7 +86,7 @@ def test_what_is_carried_is_dropped_where_nothing_is(x, y, quarter, free):
         assert np.asarray(dropped.things.tile[key]).tolist() == [4, 1]
 
 
-def test_a_locked_door_opens_with_its_key_in_the_hand_and_closes_again():
+def test_locked_door_opens_with_carried_key_and_closes_again():
     _, _, state, step = plaza()
     before = put(state, 4.5, 1.5, 0)
     shut, _, _, info = after(step, before, INTERACT)
@@ -116,7 +116,7 @@ def test_a_locked_door_opens_with_its_key_in_the_hand_and_closes_again():
     assert np.asarray(after(step, without, INTERACT)[0].doors.opened)[door]
 
 
-def test_a_box_holds_a_key_wherever_it_is_carried():
+def test_box_keeps_its_key_when_carried():
     _, _, state, step = plaza()
     box, key = number(state, 2), number(state, 0, 1)
     assert int(state.things.place[key]) == BOXED
@@ -222,7 +222,7 @@ def shown(state):
     return lies, held, dict(zip(doors, opened, strict=True))
 
 
-def test_random_play_is_that_of_a_slow_program():
+def test_random_play_matches_a_slow_program():
     _, _, state, step = plaza()
     rng = np.random.default_rng(3)
     slow, done = Slow(PLAZA), []
@@ -246,7 +246,7 @@ def test_random_play_is_that_of_a_slow_program():
     assert {"picked_up", "dropped", "opened_door", "closed_door", "opened_box"} <= set(done)
 
 
-def test_the_picture_shows_what_is_carried():
+def test_frame_shows_the_carried_object():
     env, params, state, step = plaza()
     draw = jax.jit(lambda state: env.draw(state, params, "labels"))
     assert not (np.asarray(draw(put(state, 1.5, 3.5, 1))) == BALL.labels[1]).any()

@@ -61,7 +61,7 @@ def test_rooms() -> None:
 
 
 @pytest.mark.parametrize("name", ["hallway", "t-maze", "sidewalk"])
-def test_places(name) -> None:
+def test_initial_positions_and_headings(name) -> None:
     env, _ = task(name)
     states = first_states(name)
     assert (np.linalg.norm(states.position - states.goal, axis=1) > 1.153).all()
@@ -84,14 +84,14 @@ def test_places(name) -> None:
         assert (states.goal[:, 1] - states.position[:, 1] > 7).all()
 
 
-def alone(states):
+def single(states):
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), states)
 
 
-def test_the_box_pays_less_the_later() -> None:
+def test_later_box_pays_less() -> None:
     env, params = task("hallway")
     step = jax.jit(lambda state: env.advance(jax.random.key(0), state, jnp.int32(-1), params))
-    state = alone(first_states("hallway"))
+    state = single(first_states("hallway"))
     for time in (0, 99, 249):
         near = state.replace(
             time=jnp.int32(time), position=state.goal - jnp.array([1.15, 0], jnp.float32)
@@ -105,10 +105,10 @@ def test_the_box_pays_less_the_later() -> None:
     assert (float(reward), bool(terminated)) == (0, False)
 
 
-def test_the_street_ends_without_a_reward() -> None:
+def test_street_ends_without_a_reward() -> None:
     env, params = task("sidewalk")
     step = jax.jit(lambda state: env.advance(jax.random.key(0), state, jnp.int32(2), params))
-    state = alone(first_states("sidewalk")).replace(heading=jnp.float32(0))
+    state = single(first_states("sidewalk")).replace(heading=jnp.float32(0))
     for x, over in ((3.8, False), (3.9, True)):
         after, reward, terminated, info = step(
             state.replace(position=jnp.array([x, 12.5], jnp.float32))
@@ -164,7 +164,7 @@ def backtracked(visited, stack, links, chance, found) -> None:
     found[links] = found.get(links, 0) + chance
 
 
-def test_mazes_are_those_of_recursive_backtracking() -> None:
+def test_mazes_match_recursive_backtracking() -> None:
     likely: dict[frozenset, float] = {}
     backtracked({(0, 0)}, [(0, 0)], frozenset(), 1.0, likely)
     walls = first_states("maze-s3", 2048).level.walls[:, 0]
@@ -196,19 +196,19 @@ def test_numbers_of_the_variants() -> None:
 
 
 @pytest.mark.parametrize("name", ["sidewalk", "maze-s3-fast"])
-def test_the_shortest_path_reaches_the_box(name) -> None:
+def test_shortest_path_reaches_the_box(name) -> None:
     check_player(name)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROOMS)
-def test_the_shortest_path_reaches_every_box(name) -> None:
+def test_shortest_path_reaches_every_box(name) -> None:
     check_player(name, 256)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["maze", "maze-s2", "maze-s3"])
-def test_ways_through_mazes_are_few_times_longer_than_the_limit(name) -> None:
+def test_maze_paths_rarely_exceed_the_limit(name) -> None:
     # The limits are MiniWorld's, where cells are closer together.
     assert np.mean(check_player(name, 256, fewest=0.93)) < 1
 

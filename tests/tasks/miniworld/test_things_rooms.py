@@ -41,7 +41,7 @@ def first_states(name, count):
     return programs(name)[0](jax.random.split(jax.random.key(2), count))
 
 
-def alone(states, i=0):
+def single(states, i=0):
     return jax.tree.map(lambda leaf: leaf[i], states)
 
 
@@ -56,13 +56,13 @@ def act(name, state, action, **changes):
     "name",
     [*(pytest.param(n, marks=pytest.mark.slow) for n in ("pickup-objects", "put-next")), "sign"],
 )
-def test_the_player_solves_it(name) -> None:
+def test_player_solves_levels(name) -> None:
     check_player(name, 32)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["pickup-objects", "put-next", "sign"])
-def test_the_player_solves_hundreds(name) -> None:
+def test_player_solves_hundreds_of_levels(name) -> None:
     check_player(name, 512)
 
 
@@ -78,14 +78,14 @@ def check_player(name, count) -> None:
     np.testing.assert_allclose(out.returned, np.broadcast_to(wanted, count), atol=1e-5)
 
 
-def test_the_collector_lives() -> None:
+def test_collector_survives() -> None:
     env, params = task("collect-health")
     params = params.replace(max_steps_in_episode=jnp.int32(300))
     out = play(env, player_of(env), params, jax.random.key(0), first_states("collect-health", 32))
     assert np.mean(np.asarray(out.returned) == 2 * 300) > 0.9
 
 
-def test_medkits_lie_apart_and_are_in_the_way() -> None:
+def test_medkits_are_apart_and_block_the_way() -> None:
     states = jax.device_get(first_states("collect-health", 64))
     for kits, start in zip(states.medkits, states.position, strict=True):
         apart = np.linalg.norm(kits[:, None] - kits[None], axis=-1) + 9 * np.eye(18)
@@ -94,7 +94,7 @@ def test_medkits_lie_apart_and_are_in_the_way() -> None:
         assert ((kits >= 1.25) & (kits <= 16.75)).all()
     far = np.full((18, 2), 3.0)
     far[0] = (9.0, 9.0)
-    state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
+    state = single(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
     for x, moves in ((8.1, True), (8.3, False)):
         after = act("collect-health", state, FORWARD, position=[x, 9.0], heading=0.0)[0]
         assert float(after.position[0]) == pytest.approx(x + 0.15 * moves)
@@ -106,10 +106,10 @@ def test_medkits_lie_apart_and_are_in_the_way() -> None:
         assert float(after.position[0]) == pytest.approx(8.5 + moved)
 
 
-def test_health_is_lost_and_given_back() -> None:
+def test_health_is_lost_and_restored() -> None:
     far = np.full((18, 2), 3.0)
     far[0] = (9.0, 9.0)
-    state = alone(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
+    state = single(first_states("collect-health", 1)).replace(medkits=jnp.asarray(far, jnp.float32))
     # The hand is 0.6 ahead and reaches 0.48 and the medkit's radius, 0.25.
     for x, reached in ((7.6, False), (7.7, True)):
         after, reward, terminated, info = act(
@@ -129,8 +129,8 @@ def test_health_is_lost_and_given_back() -> None:
     assert (float(reward), bool(terminated)) == (2, False)
 
 
-def test_what_is_picked_up_pays_and_is_gone() -> None:
-    state = alone(first_states("pickup-objects", 1))
+def test_picked_up_object_pays_and_disappears() -> None:
+    state = single(first_states("pickup-objects", 1))
     tiles = np.array([(5, 5), (9, 2), (9, 4), (9, 6), (9, 8)])
     things = state.things.replace(tile=jnp.asarray(tiles, jnp.int32))
     state = state.replace(things=things)
@@ -164,7 +164,7 @@ def test_the_red_box_beside_the_yellow_one() -> None:
         for c in range(6)
     }
     assert (np.abs(where[0] - where[4]).sum(axis=1) > 1).all()
-    state = alone(first_states("put-next", 1))
+    state = single(first_states("put-next", 1))
     order = {int(c): i for i, c in enumerate(state.things.colour)}
     placed = np.array([(12, 1 + 2 * i) for i in range(6)])
     placed[order[4]] = (5, 4)
@@ -182,7 +182,7 @@ def test_the_red_box_beside_the_yellow_one() -> None:
         assert float(reward) == pytest.approx(1 - 0.2 * 100 / 250 if solved else 0)
 
 
-def test_the_sign_tells_the_colour() -> None:
+def test_sign_shows_the_colour() -> None:
     env, _ = task("sign")
     states = first_states("sign", 128)
     host = jax.device_get(states)
@@ -193,18 +193,20 @@ def test_the_sign_tells_the_colour() -> None:
     colour = np.array([0, 2, 1])[seen[:, 0] - 3]
     assert set(colour.tolist()) == {0, 1, 2}
     for i in range(16):
-        target = np.asarray(env.target(alone(states, i)))
+        target = np.asarray(env.target(single(states, i)))
         wanted = (host.things.kind[i] == asked[i]) & (host.things.colour[i] == colour[i])
         assert (target == wanted).all()
         assert target.sum() == 1
         word = "box" if asked[i] == BOX_KIND else "key"
-        assert env.instruction(alone(host, i)) == f"asked for: the {word} in the colour of the sign"
+        assert (
+            env.instruction(single(host, i)) == f"asked for: the {word} in the colour of the sign"
+        )
     # The vector does not reveal the colour.
-    assert len({alone(states, i).asked.tobytes() for i in range(16)}) == 2
+    assert len({single(states, i).asked.tobytes() for i in range(16)}) == 2
 
 
-def test_touching_what_is_asked_for_pays() -> None:
-    state = alone(first_states("sign", 1))
+def test_touching_the_right_object_pays() -> None:
+    state = single(first_states("sign", 1))
     target = np.asarray(task("sign")[0].target(state))
     for i, (column, row) in enumerate(np.asarray(state.things.tile).tolist()):
         inward = np.array((1.0 if column < 5 else -1.0, 0.0)) * (1.72, 0)
@@ -223,7 +225,7 @@ def test_bad_settings_are_refused() -> None:
         PickupObjects(objects=31)
 
 
-def test_what_lies_open_as_points_along_the_way_say():
+def test_open_lines_match_points_along_the_path():
     """Against points on each path: none may be near a solid tile and approach it."""
     rng = np.random.default_rng(0)
     row, column = np.indices((7, 7))
@@ -234,7 +236,7 @@ def test_what_lies_open_as_points_along_the_way_say():
         solid = rng.random(49) < 0.12
         here = rng.uniform(1, 6, 2)
         offsets = jnp.asarray((tiles - here).astype(np.float32))
-        found = np.asarray(objects._lies_open(offsets, jnp.asarray(solid)))
+        found = np.asarray(objects._path_is_clear(offsets, jnp.asarray(solid)))
         for tile, lies_open in zip(tiles, found, strict=True):
             points = here + parts * (tile - here)
             distances = np.linalg.norm(points[:, None] - tiles[solid], axis=-1)
@@ -247,7 +249,7 @@ def test_what_lies_open_as_points_along_the_way_say():
     assert min(seen.values()) > 50
 
 
-def straight_on(env, params):
+def straight_walker(env, params):
     """A player that walks straight."""
     body = movement_of(env, params)
 
@@ -263,12 +265,12 @@ def steps(text):
     env, params = from_ascii(text.strip(), height=8, width=8)
     keys = jax.random.split(jax.random.key(1), 16)
     states = jax.vmap(lambda key: env.init_state(key, params))(keys)
-    out = play(env, Player("", straight_on), params, jax.random.key(0), states)
+    out = play(env, Player("", straight_walker), params, jax.random.key(0), states)
     assert (np.asarray(out.successes) == 1).all()
     return np.asarray(out.length)
 
 
-def test_across_a_hall_the_way_is_a_line():
+def test_path_across_a_hall_is_straight():
     hall = ["#" * 14, *["#" + "." * 12 + "#"] * 12, "#" * 14]
     hall[1], hall[12] = "#S" + "." * 11 + "#", "#" + "." * 11 + "G#"
     # 11 tiles across and down, less the goal's radius; at most half a turn before.
@@ -276,7 +278,7 @@ def test_across_a_hall_the_way_is_a_line():
     assert (steps("\n".join(hall)) <= most).all()
 
 
-def test_around_corners_it_arrives_too():
+def test_player_arrives_around_corners():
     text = """
 #########
 #S..#...#

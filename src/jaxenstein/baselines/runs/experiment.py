@@ -127,7 +127,7 @@ class Experiment:
         """The fields in which two experiments differ, each with both values."""
         mine, its = _flat(self.to_json()), _flat(other.to_json())
         return [
-            f"{name} ({_shown(mine.get(name))}, not {_shown(its.get(name))})"
+            f"{name} ({_shortened(mine.get(name))}, not {_shortened(its.get(name))})"
             for name in sorted({*mine, *its})
             if mine.get(name, ...) != its.get(name, ...)
         ]
@@ -154,7 +154,7 @@ def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _shown(value: Any) -> str:
+def _shortened(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

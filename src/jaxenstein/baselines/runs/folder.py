@@ -84,10 +84,10 @@ class RunFolder:
         with folder.locked():
             folder._refuse_a_run()
             folder._made = [folder.path / CONFIG, *missing]
-            folder._write_down(experiment)
+            folder._write_config(experiment)
         return folder
 
-    def _write_down(self, experiment: Experiment) -> None:
+    def _write_config(self, experiment: Experiment) -> None:
         plain = {**experiment.to_json(), "made_with": self.made_with or versions()}
         with atomic(self.path / CONFIG) as temporary:
             temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
@@ -147,7 +147,7 @@ class RunFolder:
         if differing:
             raise SettingError(f"the run in {self.path} has another config: {'; '.join(differing)}")
 
-    def go_on_as(self, experiment: Experiment) -> None:
+    def continue_as(self, experiment: Experiment) -> None:
         """Check that `experiment` is the experiment of this folder, perhaps with more steps.
 
         A larger number of steps is written into the config. It needs `anneal=False`: the updates so
@@ -174,7 +174,7 @@ class RunFolder:
                 "run in another folder"
             )
         with self.locked():
-            self._write_down(experiment)
+            self._write_config(experiment)
         self.experiment = experiment
         vars(self).pop("template", None)
 

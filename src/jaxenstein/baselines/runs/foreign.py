@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import SettingError, nearest, one_line
 from ...files import read_text, reason_of
-from .metrics import EPISODE_MEANS, LONGEST, METRICS, Row, is_real
+from .metrics import EPISODE_MEANS, LONGEST, METRICS, Row, is_finite_number
 
 Over = Literal["decisions", "minutes"]
 EVENTS = "*tfevents*"
@@ -72,7 +72,9 @@ def read_foreign(
     if not os.path.isfile(file):
         return _read_events(path, metrics, over)
     rows = _read_lines(file)
-    columns = dict.fromkeys(name for row in rows for name, value in row.items() if is_real(value))
+    columns = dict.fromkeys(
+        name for row in rows for name, value in row.items() if is_finite_number(value)
+    )
     metric = _pick(file, columns, metrics, "--metric")
     if over == "minutes":
         place, scale = _pick(file, columns, SECONDS, None, "of seconds"), 1 / 60
@@ -80,7 +82,7 @@ def read_foreign(
         place, scale = _pick(file, columns, steps or STEPS, "--step", "of steps"), 1
     by_seed: dict[str, list[tuple[float, Row]]] = {}
     for row in rows:
-        if metric in row and is_real(row.get(place)):
+        if metric in row and is_finite_number(row.get(place)):
             of_seed = by_seed.setdefault(json.dumps(row.get(SEED)), [])
             of_seed.append((row[place] * scale, _numbers(row, metric)))
     if not by_seed:
@@ -131,7 +133,7 @@ def _pick(
 def _numbers(row: Mapping[str, Any], metric: str) -> Row:
     """The columns that a curve of the metric needs."""
     names = (metric, "episodes", EPISODE_MEANS.get(metric, metric))
-    return {name: row[name] for name in names if is_real(row.get(name))}
+    return {name: row[name] for name in names if is_finite_number(row.get(name))}
 
 
 def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -> Foreign:

@@ -157,10 +157,10 @@ def diverged_runs(rows: Sequence[Row], runs: int) -> dict[int, Divergence]:
 def _is_number(value: Any) -> bool:
     """Whether a value is None or a number that a run can write: not NaN and not too large."""
     whole = isinstance(value, int)
-    return value is None or (abs(value) <= LARGEST if whole else is_real(value))
+    return value is None or (abs(value) <= LARGEST if whole else is_finite_number(value))
 
 
-def is_real(value: Any) -> bool:
+def is_finite_number(value: Any) -> bool:
     """Whether a value is a number that is finite in float32."""
     return isinstance(value, int | float) and abs(value) < BEYOND_FLOAT32
 
@@ -206,7 +206,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
         before = total = 0.0
         for row in rows:
             now = float(row["seconds"])
-            if not is_real(now):
+            if not is_finite_number(now):
                 raise ValueError(f"{now} seconds")
             total += now - before if now >= before else now
             done[int(row["update"])], before = total, now

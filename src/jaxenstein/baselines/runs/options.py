@@ -51,7 +51,7 @@ _OWN_VALUES = {
     "entropy": 0.003,
 }
 # The defaults of each recipe that differ from the paper: for all algorithms ("*"), then for one.
-# docs/training.md gives the reasons, docs/ablations.md the measurements.
+# docs/ablations.md has the measurements.
 RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
     "tuned": {

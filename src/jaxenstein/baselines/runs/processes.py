@@ -95,7 +95,7 @@ def _leave() -> NoReturn:
     os._exit(1)
 
 
-def leads() -> bool:
+def is_leader() -> bool:
     """Whether this process has the files: it is process 0, or the only one."""
     return jax.process_index() == 0
 
@@ -104,14 +104,14 @@ def shared(value: Any) -> Any:
     """The value of process 0, plain JSON; the other processes may pass anything."""
     if jax.process_count() == 1:
         return value
-    return json.loads(_sent(json.dumps(value).encode() if leads() else b""))
+    return json.loads(_sent(json.dumps(value).encode() if is_leader() else b""))
 
 
 def _sent(data: bytes) -> bytes:
     """The bytes of process 0. JAX sends arrays as sums, which turn -0.0 into 0.0."""
     mine = np.frombuffer(data, np.uint8)
     size = int(multihost_utils.broadcast_one_to_all(np.uint32(mine.size)))
-    whole = multihost_utils.broadcast_one_to_all(mine if leads() else np.zeros(size, np.uint8))
+    whole = multihost_utils.broadcast_one_to_all(mine if is_leader() else np.zeros(size, np.uint8))
     return np.asarray(whole).tobytes()
 
 
@@ -120,18 +120,18 @@ def shared_state(state: Any, like: Any) -> Any:
     if jax.process_count() == 1:
         return state
     leaves, structure = jax.tree.flatten(like)
-    mine = jax.tree.leaves(state) if leads() else [None] * len(leaves)
+    mine = jax.tree.leaves(state) if is_leader() else [None] * len(leaves)
 
     # One array after another, since a copy of each is on a device for a moment.
     def sent(leaf: Any, one: Any) -> Any:
         like = raw(one)
-        data = _sent(np.asarray(raw(leaf)).tobytes() if leads() else b"")
+        data = _sent(np.asarray(raw(leaf)).tobytes() if is_leader() else b"")
         return typed(jnp.asarray(np.frombuffer(data, like.dtype).reshape(like.shape)), one)
 
     return jax.tree.unflatten(structure, list(map(sent, mine, leaves)))
 
 
-def anywhere(*flags: bool) -> tuple[bool, ...]:
+def any_process(*flags: bool) -> tuple[bool, ...]:
     """Whether each flag is true in any process."""
     if jax.process_count() == 1:
         return flags

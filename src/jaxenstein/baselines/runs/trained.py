@@ -65,7 +65,7 @@ class Trained:
         """Issue a `DivergenceWarning` if a run diverged or its parameters are not finite."""
         name = run_names(self.experiment)[run]
         if run in self.diverged:
-            told = self.diverged[run].told(name)
+            told = self.diverged[run].message(name)
         elif not self.finite(run):
             told = f"the parameters of {name} are not finite, so its actions are meaningless"
         else:

@@ -18,7 +18,7 @@ from ..state import TrainState, check_spread, place
 from .checkpoints import check_space
 from .folder import RunFolder, of_another_version, versions
 from .metrics import METRICS, MetricsFile, Row, Sink, Timing, read_metrics, rows_of
-from .processes import anywhere, gathered, leads, shared, shared_state
+from .processes import any_process, gathered, is_leader, shared, shared_state
 
 # Default number of seconds between checkpoints.
 SAVE_EVERY = 60.0
@@ -30,7 +30,7 @@ LOST = 0.5
 RISEN = 4.0
 # Called with the updates so far and their last rows.
 Notify = Callable[[int, Sequence[Row]], object]
-ADVICE = "see 'Where it does not learn' in docs/training.md for what to try"
+ADVICE = "see 'If the agent does not learn' in docs/training.md for what to try"
 
 
 def train(
@@ -66,16 +66,18 @@ def train(
     """
     experiment, runs = folder.experiment, folder.experiment.runs
     steps, total = experiment.config.steps_per_update, experiment.config.updates
-    with folder.locked() if leads() else contextlib.nullcontext():
+    with folder.locked() if is_leader() else contextlib.nullcontext():
         check_spread(len(runs), experiment.config)
         many, numbers = experiment.learner.many, experiment.numbers()
-        update, state = _begin(folder) if leads() else (0, None)
+        update, state = _begin(folder) if is_leader() else (0, None)
         update, state = shared(update), shared_state(state, folder.template)
         state = place(state, experiment.config)
-        record = _recorder(folder, update, sinks, notify) if leads() else lambda update, rows: None
+        record = (
+            _recorder(folder, update, sinks, notify) if is_leader() else lambda update, rows: None
+        )
         saved = time.monotonic()
         # All processes must gather `diverged`, so a stop in one of them comes second.
-        (stopped,) = anywhere(_all_diverged(state) or stop())
+        (stopped,) = any_process(_all_diverged(state) or stop())
         while update < total and not stopped:
             state, metrics = many.train_chunk(state, numbers, min(chunk, total - update))
             metrics = jax.device_get(gathered(metrics))
@@ -84,12 +86,12 @@ def train(
             rows = rows_of(metrics, runs, update, steps)
             update += count
             record(update, rows)
-            stopped, due = anywhere(
+            stopped, due = any_process(
                 _all_diverged(state) or stop(), time.monotonic() - saved >= save_every
             )
             if update == total or stopped or due:
                 whole = gathered(state)
-                if leads():
+                if is_leader():
                     folder.checkpoints.save(update, whole)
                 saved = time.monotonic()
     return update
@@ -182,7 +184,7 @@ class StallWatch:
             going = [(new, old) for new, old, row in pairs if not row.get(METRIC)]
             settled = bool(going) and all(new < LOST * old for new, old in going)
             enough = self._episodes >= EPISODES * self._runs
-            fine = self._successes or self._warned or _risen(self._early, self._late)
+            fine = self._successes or self._warned or _returns_rose(self._early, self._late)
             if settled and enough and not fine:
                 self._warned = True
                 last, first = np.mean(going, axis=0)
@@ -208,7 +210,7 @@ def _sum(rows: Sequence[Row], name: str) -> float:
     return sum(row.get(name) or 0 for row in rows)
 
 
-def _risen(early: np.ndarray, late: np.ndarray) -> bool:
+def _returns_rose(early: np.ndarray, late: np.ndarray) -> bool:
     """Whether the mean return of the latest episodes is significantly higher."""
     if not early[0] or not late[0]:
         return False

@@ -116,10 +116,10 @@ class _Reader:
     def expect(self, wanted: str, where: str) -> None:
         """Read the token `wanted`."""
         if self.token != wanted:
-            raise self.error(f"expected {quoted(wanted)} {where}, found {self.shown()}")
+            raise self.error(f"expected {quoted(wanted)} {where}, found {self.quoted_token()}")
         self.take()
 
-    def shown(self) -> str:
+    def quoted_token(self) -> str:
         """The next token, for messages."""
         short = self.token if len(self.token) <= 40 else f"{self.token[:40]}..."
         return repr(short) if self.token else "the end of the file"
@@ -132,14 +132,14 @@ class _Reader:
             value = math.nan
         if not abs(value) <= LARGEST:
             limit = f"from {-LARGEST:.0f} to {LARGEST:.0f}"
-            raise self.error(f"expected a number {limit} {where}, found {self.shown()}")
+            raise self.error(f"expected a number {limit} {where}, found {self.quoted_token()}")
         self.take()
         return value
 
     def word(self, where: str) -> str:
         """Read an unquoted name."""
         if self.token in (_END, *"(){}") or self.token.startswith('"'):
-            raise self.error(f"expected a name {where}, found {self.shown()}")
+            raise self.error(f"expected a name {where}, found {self.quoted_token()}")
         return self.take()
 
     def error(self, message: str) -> MapError:
@@ -151,7 +151,7 @@ def _entity(reader: _Reader) -> Entity:
     entity = Entity(reader.line)
     where = f"in the entity of line {entity.line}"
     if reader.token.startswith('"') and len(reader.token) > 1:
-        problem = reader.error(f"an entity starts without '{{', with {reader.shown()}")
+        problem = reader.error(f"an entity starts without '{{', with {reader.quoted_token()}")
         warnings.warn(str(problem), MapWarning, stacklevel=4)
     else:
         reader.expect("{", "at the start of an entity")
@@ -168,7 +168,7 @@ def _entity(reader: _Reader) -> Entity:
 def _quoted(reader: _Reader, where: str) -> str:
     token = reader.token
     if len(token) < 2 or token[0] != '"':
-        raise reader.error(f"expected a quoted string {where}, found {reader.shown()}")
+        raise reader.error(f"expected a quoted string {where}, found {reader.quoted_token()}")
     reader.take()
     return token[1:-1]
 
@@ -183,7 +183,9 @@ def _brush(reader: _Reader, entity: Entity) -> None:
         entity.brushes.append(Brush(tuple(planes), line))
     else:
         if reader.token != "patchDef2":
-            raise reader.error(f"expected a plane or patchDef2 in a brush, found {reader.shown()}")
+            raise reader.error(
+                f"expected a plane or patchDef2 in a brush, found {reader.quoted_token()}"
+            )
         reader.take()
         entity.patches.append(_patch(reader, line))
     reader.expect("}", f"after the brush of line {line}")

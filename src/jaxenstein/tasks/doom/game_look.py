@@ -1,8 +1,8 @@
 """The game's own pictures on walls, floor, ceiling and things: `look="game"`.
 
-Where in a pixel the game looks, and its light, are those of ZDoom's software renderer (r_segs.cpp,
-r_plane.cpp, r_things.cpp): a wall is sampled at the left and lower edge of a pixel, floor and
-ceiling at the right edge and the middle row, with the light of the upper edge.
+Sampling and light follow ZDoom's software renderer (r_segs.cpp, r_plane.cpp, r_things.cpp): a wall
+is sampled at the left and lower edge of a pixel, floor and ceiling at the right edge and the middle
+row, with the light of the upper edge.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_fa
 from .view import EYE
 from .wad import Picture, Wad
 
-# The narrowest screen of the game, and the one that smaller frames are taken out of.
+# The narrowest screen of the game, and the screen from which smaller frames are sampled.
 LEAST_WIDTH, SCREEN = 160, (240, 320)
-# Rows below the edge of a pixel, so that a place between two texels is in the lower one: the eye of
-# a player who stands is on such a place.
+# Rows from the edge of a pixel to its sample, so that a sample between two texels is in the lower
+# one: the eye of a player who stands is at such a height.
 NUDGE = 2.0**-13
-# What shines over the frame in the tic in which something is picked up, and 256ths of it.
+# The colour that tints a frame in the tic of a pickup, and its share in 256ths.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture of a thing: its letter, how many tics it is shown, and if in full light."""
+    """A picture of a thing: its letter, for how many tics it is shown, and if in full light."""
 
     letter: str = "A"
     tics: int = 1
@@ -104,10 +104,10 @@ def with_frames(theme: Theme, animations: Sequence[Animation]) -> Theme:
 
 
 def sampling(height: int, width: int) -> Sampling:
-    """Where the game looks in the pixels of a frame.
+    """The points at which the game samples the pixels of a frame.
 
-    Frames that are no screen of the game have pixels of the screen of 320 by 240, from which their
-    rays are half of such a pixel away, as on that screen.
+    A frame that is not a screen size of the game has pixels of its screen of 320 by 240, with the
+    offsets of that screen.
     """
     screen = SCREEN[1]
     if 4 * height == 3 * width and width >= LEAST_WIDTH:
@@ -125,7 +125,7 @@ def sampling(height: int, width: int) -> Sampling:
 
 
 def gilded(image: jax.Array, shines: jax.Array) -> jax.Array:
-    """An image of colours or greys with gold over it if bool[] `shines`, as after picking up."""
+    """An image in colour or grey with a tint of gold if bool[] `shines`, as after a pickup."""
     tone = np.array(GOLD, np.int32)[None, None]
     if image.ndim == 2:
         tone = luma(pack_rgb([np.float32(part) for part in GOLD], np.float32(1))).astype(np.int32)
@@ -146,7 +146,7 @@ def game_textures(
         unit: map units a tile.
 
     Raises:
-        WadError: the file is no WAD file, is damaged, or lacks a picture.
+        WadError: the file is not a WAD file, is damaged, or lacks a picture.
     """
     wad, doom_map = Wad(path), load_map(map_name)
     tiles = rasterise(doom_map, unit)
@@ -213,7 +213,7 @@ def _paper(wad: Wad, name: str) -> np.ndarray:
 
 
 def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
-    """int32[4, rows, columns]: the number of the wall on each face."""
+    """int32[4, rows, columns]: the index of the wall on each face."""
     of_face = np.zeros(tiles.faces.shape, np.int32)
     for number, wall in enumerate(doom_map.walls):
         of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = number
@@ -221,7 +221,7 @@ def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
 
 
 def _begin(wall: Line, tiles: TileGrid) -> int:
-    """Where a wall begins, in map units rightwards as seen, from the edge of the map's tiles."""
+    """Where a wall begins, in map units to the viewer's right from the edge of the map's tiles."""
     x, y = wall.x0 - tiles.west, tiles.north - wall.y0
     if wall.x0 == wall.x1:
         return -y if wall.y1 > wall.y0 else y

@@ -124,12 +124,12 @@ class DoomScenario(FirstPerson[S, P]):
             as much; only for images of colours or greys.
         show_weapon: show the weapon in the player's hands, and the flash of its shots, as the game
             does by default; only for images of colours or greys.
-        look: `"plain"`, in one colour for each texture; `"game"`, with the pictures of a WAD file
-            of the game, placed and lit as the game does it. The eye then bobs while the player
-            walks, as in the game. Frames of the shape 4 to 3 and at least 160 columns are what the
-            game shows on a screen of that size. Smaller ones are pixels of its screen of 320 by
-            240: 64x48 has the middle one of every 5x5.
-        wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for that of Freedoom, which
+        look: `"plain"`: one colour for each texture. `"game"`: the game's pictures from a WAD file,
+            with its placement and light, and an eye that bobs while the player walks. Frames with
+            the aspect ratio 4:3 and at least 160 columns show what the game shows on a screen of
+            that size. Other frames are pixels of its screen of 320 by 240: 64x48 has the middle one
+            of every 5x5.
+        wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for the file of Freedoom, which
             comes with the extra `vizdoom`.
     """
 
@@ -146,13 +146,13 @@ class DoomScenario(FirstPerson[S, P]):
     takes_patterns: ClassVar[bool] = False
     # The game's count of tics at the first observation.
     first_tic: ClassVar[int] = 1
-    # The game variable that tells whether the aim was reached, if the end does not.
+    # The game variable that tells whether the goal was reached, if the end of the episode does not.
     success_count: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         """Check the settings."""
         if isinstance(self.wad, str | os.PathLike):
-            # The whole path, so that the environment is the same in another folder.
+            # The absolute path, so that the environment is the same in another folder.
             object.__setattr__(self, "wad", str(Path(self.wad).expanduser().resolve()))
         super().__post_init__()
         if self.look not in ("plain", "game") and not self.takes_patterns:

@@ -80,7 +80,9 @@ def planner(env: Any, params: Any, walk: Walk = walk_down) -> Choose:
         scene = scene.replace(level=level, closed=closed)
         action, target = walk(body, scene, field, key)
         lost = field[state.cell[1], state.cell[0]] >= FAR
-        careful = (action == FORWARD) & (lost | _burns(body, scene, state, hands=env.hands))
+        careful = (action == FORWARD) & (
+            lost | _walks_into_danger(body, scene, state, hands=env.hands)
+        )
         action = jnp.where(careful, jnp.int32(TURN_LEFT), action)
         return _act(env, state, params, subgoal, target, action)
 
@@ -214,7 +216,7 @@ def _spare(floor: jax.Array) -> jax.Array:
     return (pieces == 1) | ((pieces == 0) & beside(floor))
 
 
-def _burns(body: Movement, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
+def _walks_into_danger(body: Movement, scene: Any, state: GridState, *, hands: bool) -> jax.Array:
     """bool[]: whether walking on would lead into lava or a moving obstacle."""
     arm = forward(state.heading) * jnp.minimum(body.step * body.steps, 0.99)
     touched = touched_door(scene.level, scene.closed, state.position, arm)

@@ -59,14 +59,14 @@ def walk_straight(
     tiles = jnp.asarray(np.stack([column.reshape(-1), row.reshape(-1)], axis=-1) + np.float32(0.5))
     offsets, left = tiles - scene.position[None], field.reshape(-1)
     cell = jnp.floor(scene.position).astype(jnp.int32)
-    lies_open = _lies_open(offsets, left >= FAR) & (left < field[cell[1], cell[0]])
+    lies_open = _path_is_clear(offsets, left >= FAR) & (left < field[cell[1], cell[0]])
     ways = jnp.sqrt(jnp.sum(offsets**2, axis=-1)) + left.astype(jnp.float32)
     best = jnp.argmin(jnp.where(lies_open, ways, jnp.inf))
     straight = towards(body, scene, offsets[best], _TURNS_OFF)
     return jnp.where(jnp.any(lies_open), straight, stepwise), target
 
 
-def _lies_open(offsets: jax.Array, solid: jax.Array) -> jax.Array:
+def _path_is_clear(offsets: jax.Array, solid: jax.Array) -> jax.Array:
     """bool[n]: whether a straight path to each of n tiles stays away from all solid tiles.
 
     Args:

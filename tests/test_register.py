@@ -24,7 +24,7 @@ from jaxenstein.tasks.health_gathering import HealthGathering
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 SIZE = {"height": 8, "width": 12}
-# A module as a user writes it: a task with a setting of its own, registered and by its class.
+# A module like a user's: a task with its own setting, registered and by its class.
 MODULE = '''
 """Tasks of a user."""
 import dataclasses
@@ -52,8 +52,8 @@ def make(id: str, **settings: Any) -> Any:
 
 
 @pytest.fixture(autouse=True)
-def _own_ids(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ids of a test end with it."""
+def _restored_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Removes the ids that a test registers."""
     monkeypatch.setattr(registry, "ENTRIES", dict(registry.ENTRIES))
 
 
@@ -75,7 +75,7 @@ def importable(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return module
 
 
-def test_a_registered_class_is_made_with_its_settings() -> None:
+def test_registered_class_is_built_with_its_settings() -> None:
     jaxenstein.register("acid", HealthGathering, version=3)
     first_line = "Stay alive on a floor that hurts, by walking over medkits"
     env, params = make("acid", hud=True, **SIZE)
@@ -89,7 +89,7 @@ def test_a_registered_class_is_made_with_its_settings() -> None:
         make("acid", damage=3)
 
 
-def test_a_function_names_its_own_settings() -> None:
+def test_registered_function_defines_its_settings() -> None:
     def build(*, cue: int, **settings: Any) -> Fruit:
         return Fruit(final_observation=cue > 3, **settings)
 
@@ -122,12 +122,12 @@ def test_taken_ids_are_refused(importable: str) -> None:
 
 
 @pytest.mark.parametrize("build", [3, "Fruit", int, FirstPerson, Environment, Fruit(height=8)])
-def test_what_builds_no_environment_is_refused(build: Any) -> None:
+def test_non_factories_are_refused(build: Any) -> None:
     with pytest.raises(SettingError, match="build must be a subclass"):
         jaxenstein.register("mine", build)
 
 
-def test_a_function_that_returns_something_else_is_told() -> None:
+def test_function_that_returns_no_environment_is_refused() -> None:
     def build(**settings: Any) -> Any:
         return settings
 
@@ -136,13 +136,13 @@ def test_a_function_that_returns_something_else_is_told() -> None:
         make("mine")
 
 
-def test_a_version_is_a_whole_number() -> None:
+def test_version_must_be_a_whole_number() -> None:
     for version in (-1, 0.5, True, "1"):
         with pytest.raises(SettingError, match="version must be a whole number"):
             jaxenstein.register("mine", Fruit, version=version)  # pyright: ignore[reportArgumentType]
 
 
-def test_an_id_with_a_module_imports_it(importable: str) -> None:
+def test_id_with_a_module_imports_it(importable: str) -> None:
     env, _ = make(f"{importable}:slow", number=7, **SIZE)
     assert (env.name, env.version, env.number) == ("slow", 4, 7)
     assert make("slow", number=7, **SIZE)[0] == env
@@ -151,7 +151,7 @@ def test_an_id_with_a_module_imports_it(importable: str) -> None:
     assert make(f"{importable}:slow-by-function", cue=9)[0].number == 9
 
 
-def test_wrong_modules_and_names_are_told(importable: str, tmp_path: Path) -> None:
+def test_wrong_modules_and_names_are_refused(importable: str, tmp_path: Path) -> None:
     for id, words in (
         ("no_such_module:a", "no module 'no_such_module' to import"),
         (":a", "'' is not the name of a module"),
@@ -175,7 +175,7 @@ def test_wrong_modules_and_names_are_told(importable: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["slow", "Slow"])
-def test_recipes_name_the_module_and_import_nothing(importable: str, name: str) -> None:
+def test_specs_name_the_module_and_import_nothing(importable: str, name: str) -> None:
     env, params = make(f"{importable}:{name}", number=5, **SIZE)
     spec = spec_of(env, params)
     assert spec.id == f"{importable}:{name}"
@@ -187,7 +187,7 @@ def test_recipes_name_the_module_and_import_nothing(importable: str, name: str) 
         spec.build()
 
 
-def test_a_map_may_have_the_name_of_an_id() -> None:
+def test_map_can_have_the_name_of_an_id() -> None:
     text = "#####\n#S.G#\n#####"
     env, params = jaxenstein.from_ascii(text, name="health-gathering", heading=0, **SIZE)
     episode = jaxenstein.record(env, params, "expert")
@@ -196,13 +196,13 @@ def test_a_map_may_have_the_name_of_an_id() -> None:
     assert episode.trajectory.environment.id is None
 
 
-def test_what_an_id_does_not_build_is_kept_by_no_recipe() -> None:
+def test_environment_not_built_by_its_id_cannot_be_saved() -> None:
     jaxenstein.register("mine", Fruit)
     with pytest.raises(TrajectoryError, match="'fruit' cannot be saved"):
         spec_of(Fruit(), Fruit().default_params)
 
 
-def test_every_command_takes_a_task_of_ones_own(
+def test_every_command_accepts_a_registered_task(
     module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     task, view = f"{module}:slow", ["--height", "8", "--width", "8"]
@@ -225,7 +225,7 @@ def test_every_command_takes_a_task_of_ones_own(
 
 
 @pytest.mark.slow
-def test_it_is_trained_resumed_and_evaluated(
+def test_registered_task_is_trained_resumed_and_evaluated(
     module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     numbers = {"height": 12, "width": 16, "horizon": 10, "total-steps": 192, "num-envs": 4}
