@@ -101,8 +101,9 @@ def facts(scenario: str) -> dict[str, Any]:
     """What the wrapper says of the forms of a scenario."""
     told: dict[str, Any] = {}
     for form, (_, settings) in FORMS.items():
-        settings = {"render_mode": "rgb_array"} | settings | (SHORT if form in PLAYED else {})
-        with gymnasium.make(name_of(scenario, form, ours=False), **settings) as env:
+        chosen: dict[str, Any] = {"render_mode": "rgb_array"} | settings
+        chosen |= SHORT if form in PLAYED else {}
+        with gymnasium.make(name_of(scenario, form, ours=False), **chosen) as env:
             plain: Any = env.unwrapped
             game = plain.game
             told["buttons"] = [
@@ -222,7 +223,7 @@ class Pair:
         count = len(self._env.button_names)
         chosen = np.array([held >> i & 1 for i in range(count)], np.int8)
         space: Any = self.theirs.action_space
-        if not isinstance(space, gymnasium.spaces.Dict):
+        if not hasattr(space, "spaces"):
             return chosen
         return {"binary": chosen, "continuous": np.zeros(space["continuous"].shape, np.float32)}
 

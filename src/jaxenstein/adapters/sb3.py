@@ -86,6 +86,7 @@ class SB3VecEnv(VecEnv):
             env, params, self._interface = made(params, **(ids[env] | settings))
         else:
             env, params = resolve(env, params, settings)
+        assert not isinstance(env, str)
         seen = self._interface or Interface(env, params)
         check_render_mode(env, render_mode, ["rgb_array"])
         self.batch = Batch(env, params, num_envs)
