@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmarks.measure import Groups, Subject
-from benchmarks.subjects.common import SHOOTING
+from benchmarks.subjects.common import PICTURED, SHOOTING
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.machine import cores_allowed
 
@@ -15,6 +15,7 @@ from jaxenstein.machine import cores_allowed
 GROUP = 8
 OWN, TRAINED = "JAXenstein", "RecurrentPPO, ViZDoom"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
+GAME_SIZES = "160x120", "320x240"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,6 +86,27 @@ def scenarios(plan: Plan) -> Groups:
     return groups
 
 
+def pictures(plan: Plan) -> Groups:
+    """`look="game"` beside the same scenarios in ViZDoom: resized, and at the game's own sizes."""
+    groups = []
+    for name in PICTURED:
+        words, own = f" scenario={name}", f"doom-{name}"
+        rows = [
+            _peer("vizdoom", RESIZED + words, "ViZDoom, resized", id=own, size="64x64"),
+            _peer("vizdoom", RAW + words, "ViZDoom, raw", id=own, size="160x120"),
+            _own(plan.batch, OWN, id=own, size="64x64", look="game"),
+        ]
+        groups.append(_beside_vizdoom(rows, words))
+        for size in GAME_SIZES:
+            raw, batch = f"{RAW}{words} size={size}", _fitting(plan.batch, size, frames=32)
+            rows = [
+                _peer("vizdoom", raw, "ViZDoom, raw", id=own, size=size),
+                _own(batch, OWN, id=own, size=size, look="game"),
+            ]
+            groups.append(_compared(rows, {"x raw": raw}))
+    return groups
+
+
 def cores(plan: Plan) -> Groups:
     """This project and EnvPool on all cores."""
     many, batch = cores_allowed(), plan.batch
@@ -141,7 +163,7 @@ def resolutions(plan: Plan) -> Groups:
         for name in plan.tasks
         for size in plan.sizes
     ]
-    for size in ("160x120", "320x240"):
+    for size in GAME_SIZES:
         title = f"ViZDoom MyWayHome, raw, {size}"
         rows.append(_peer("vizdoom", f"{RAW} size={size}", title, id="ViZDoom", size=size))
     return _beside(plan, rows)
@@ -218,10 +240,13 @@ def _beside(plan: Plan, rows: Sequence[Subject]) -> Groups:
     ]
 
 
-def _fitting(batch: int, size: str) -> int:
-    """Fewer environments for larger images, so that frames fit into the cache."""
+def _fitting(batch: int, size: str, frames: int = 256) -> int:
+    """Fewer environments for larger images, so that frames fit into the cache.
+
+    Together they have at most the pixels of `frames` frames of 160x120.
+    """
     width, _, height = size.partition("x")
-    while batch > 1 and batch * int(width) * int(height) > 256 * 160 * 120:
+    while batch > 1 and batch * int(width) * int(height) > frames * 160 * 120:
         batch //= 2
     return batch
 
@@ -230,6 +255,7 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "peers": peers,
     "cores": cores,
     "scenarios": scenarios,
+    "pictures": pictures,
     "batches": batches,
     "environments": environments,
     "resolutions": resolutions,

@@ -114,6 +114,7 @@ BESIDE = (TITLE, *RATES, ratio("x resized"), ratio("x raw"))
 COLUMNS: Mapping[str, Sequence[Column]] = {
     "peers": BESIDE,
     "scenarios": (ID, *BESIDE),
+    "pictures": (ID, column("size"), *BESIDE),
     "cores": (TITLE, *RATES, ratio("x one core")),
     "environments": (ID, *RATES, HOME),
     "batches": (ID, BATCH, *RATES),

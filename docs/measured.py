@@ -3,12 +3,15 @@
     python -m docs.measured returns [--episodes N] [ID ...]
     python -m docs.measured agent CONFIG RUN [--episodes N]
     python -m docs.measured suite [--episodes N]
+    python -m docs.measured baselines [RUNS ...]
 
 `returns` writes the returns of scripted players to docs/returns.json, with the versions of the
 environments and of JAX; with ids, it measures only their rows again. `agent` plays whole episodes
 with the agents of RUN, from `jaxenstein train --config CONFIG --out RUN`, and writes their means to
 docs/agents.json, with one row per config. `suite` writes the reference returns of the benchmark,
-which are part of the package, and the table in docs/suite.md.
+which are part of the package, and the tables in docs/suite.md. `baselines` tests the agents of each
+folder RUNS, from `jaxenstein train --suite --out RUNS`, and adds their algorithm to the package and
+to docs/suite.md, with its figures.
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ from typing import Any
 import jax
 
 import jaxenstein
-from docs.other_pages import with_suite_tasks
+from docs import suite_baselines
+from docs.other_pages import with_suite_tables
 from docs.page_parts import AGENTS, HERE, RETURNS, each
 from fidelity.players import mean_and_error, measure
 from jaxenstein import suite
@@ -115,7 +119,20 @@ def measure_suite(options: argparse.Namespace) -> None:
             row[name], row[f"{name}_error"] = mean_and_error(returns)
         rows[task] = row
     write(suite.REFERENCES, rows)
-    SUITE.write_text(with_suite_tasks(SUITE.read_text("utf-8")), "utf-8")
+    write_tables()
+
+
+def measure_baselines(options: argparse.Namespace) -> None:
+    """Test the agents of each folder, and write the tables and the figures."""
+    for folder in options.runs:
+        suite_baselines.add(folder)
+    write_tables()
+    suite_baselines.draw()
+
+
+def write_tables() -> None:
+    """Write the tables of docs/suite.md again."""
+    SUITE.write_text(with_suite_tables(SUITE.read_text("utf-8")), "utf-8")
 
 
 def write(file: Path, content: Any) -> None:
@@ -133,6 +150,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     returns, agent = what.add_parser("returns"), what.add_parser("agent")
     benchmark = what.add_parser("suite")
     benchmark.set_defaults(run_it=measure_suite)
+    trained = what.add_parser("baselines")
+    trained.add_argument("runs", nargs="*", type=Path, metavar="RUNS", help="such as runs/ppo")
+    trained.set_defaults(run_it=measure_baselines)
     returns.add_argument("ids", nargs="*", metavar="ID", help="(default: all but variants)")
     returns.set_defaults(run_it=measure_returns)
     agent.add_argument("config", metavar="CONFIG", help="such as simple-skip6")

@@ -13,6 +13,9 @@ from docs.page_parts import link_to, stored_agents, stored_rows, table
 from jaxenstein import suite
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser
+from jaxenstein.comparison import Compared, run_scores
+from jaxenstein.intervals import mean_interval
+from jaxenstein.scores import aggregates, normalised
 
 INTRODUCTION = """\
 # Command line
@@ -135,10 +138,49 @@ def suite_tasks() -> str:
     return table(head, rows, right=(2, 4, 5))
 
 
-def with_suite_tasks(page: str) -> str:
-    """The text of docs/suite.md with `suite_tasks` between its marks."""
-    block = re.compile(r"(<!-- suite tasks -->\n).*?(<!-- end -->)", re.DOTALL)
-    return block.sub(lambda found: f"{found[1]}{suite_tasks()}\n{found[2]}", page)
+def suite_baselines() -> str:
+    """The returns and scores of our agents, and their interquartile means, for docs/suite.md."""
+    # "PPO (baseline)" is "PPO" here.
+    shipped = {name.partition(" ")[0]: mine for name, mine in suite.baselines().items()}
+    rows = []
+    for task in suite.TASKS:
+        row, ends = [f"`{task.id}`"], suite.references()[task.id]
+        for mine in shipped.values():
+            earned = mean_interval(mine[task.id].returns)
+            score = normalised([earned.mean, earned.low, earned.high], ends.random, ends.expert)
+            row += [f"{round(earned.mean, 4):.4g}", _interval(*score)]
+        rows.append(row)
+    head = ["task", *(f"{algo}, {what}" for algo in shipped for what in ("return", "score"))]
+    means = table(["tasks", *shipped], _means(shipped), range(1, len(head)))
+    return f"{table(head, rows, range(1, len(head)))}\n\n{means}"
+
+
+def _means(shipped: Compared) -> list[list[str]]:
+    """The interquartile means over all tasks, and over the tasks of each ability."""
+    abilities = {task.id: task.ability for task in suite.TASKS}
+    rows = []
+    for ability in ("all", *dict.fromkeys(abilities.values())):
+        row = [ability]
+        for mine in shipped.values():
+            part = {id: one for id, one in mine.items() if ability in ("all", abilities[id])}
+            found = aggregates(run_scores(part, suite.references()))["interquartile_mean"]
+            row.append(_interval(found.value, found.low, found.high))
+        rows.append(row)
+    return rows
+
+
+def _interval(value: float, low: float, high: float) -> str:
+    """A score with its interval; adding 0 turns -0 into 0."""
+    value, low, high = (round(number, 3) + 0.0 for number in (value, low, high))
+    return f"{value:.3f} ({low:.3f} to {high:.3f})"
+
+
+def with_suite_tables(page: str) -> str:
+    """The text of docs/suite.md with its generated tables between their marks."""
+    for name, make in (("tasks", suite_tasks), ("baselines", suite_baselines)):
+        block = re.compile(rf"(<!-- suite {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        page = block.sub(lambda found, make=make: f"{found[1]}{make()}\n{found[2]}", page)
+    return page
 
 
 def commands_page() -> str:

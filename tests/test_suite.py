@@ -15,20 +15,11 @@ from jaxenstein.catalogue import ENTRIES
 from jaxenstein.comparison import gather
 from jaxenstein.errors import SettingError
 from jaxenstein.evaluation import evaluate_player
+from jaxenstein.files import make_folder
 from jaxenstein.tasks import splits
-from tests.results_of import results_of, write_all
+from tests.results_of import results_of, suite_results, write_all
 
 WORLD = "######\n#S  G#\n######"
-
-
-def own_results(size: str = "small"):
-    """Results of a policy on every task, as `evaluate` writes them."""
-    found = []
-    for task in suite.TASKS:
-        spec = suite.SUITES[size].spec(task, test=True)
-        one = results_of(task.id, [[1.0, 0.0]])
-        found.append(dataclasses.replace(one, environment=spec))
-    return found
 
 
 def compared(tmp_path, results):
@@ -72,12 +63,12 @@ def test_wrong_names_are_refused():
 
 
 def test_results_are_sorted_in_benchmark_order(tmp_path):
-    checked = suite.check_compared(compared(tmp_path, own_results()[::-1]), "small")
+    checked = suite.check_compared(compared(tmp_path, suite_results()[::-1]), "small")
     assert [*checked["mine"]] == [task.id for task in suite.TASKS]
 
 
 def test_results_with_other_settings_are_refused(tmp_path):
-    results = own_results()
+    results = suite_results()
     with pytest.raises(SettingError, match=r"mine has no results for simple: .* needs all tasks"):
         suite.check_compared(compared(tmp_path, results[1:]), "small")
     with pytest.raises(SettingError, match="'height' is 16, but must be 64 in the large suite"):
@@ -93,6 +84,44 @@ def test_results_with_other_settings_are_refused(tmp_path):
     more = [*results, results_of("my-way-home", [[1.0, 0.0]])]
     with pytest.raises(SettingError, match="the benchmark has no task 'my-way-home'"):
         suite.check_compared(compared(tmp_path, more), "small")
+
+
+def test_the_baselines_follow_the_protocol():
+    assert "PPO (baseline)" in suite.baselines()
+    for folder in suite.BASELINES.glob("*"):
+        size, _, version = folder.name.partition("-")
+        assert int(version) == suite.VERSION
+        for policy, mine in suite.baselines(size).items():
+            assert suite.departures(mine.values()) == [], policy
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (lambda text: text[:-100], r"ppo\.json: not JSON, or only a part of it"),
+        (lambda text: text.replace('"id":"simple"', '"id":"my-way-home"'), "no results for simple"),
+        (lambda text: text.replace('"frame_skip":4', '"frame_skip":3'), "'frame_skip' is 3, but"),
+        (lambda text: text.replace('"version":2', '"version":3'), "the version is 3, but must be"),
+    ],
+)
+def test_damaged_baselines_are_told(damage, told, tmp_path, monkeypatch):
+    monkeypatch.setattr(suite, "BASELINES", tmp_path)
+    make_folder(tmp_path / "small-1")
+    (path,) = write_all(tmp_path / "small-1", {"ppo.json": suite_results()})
+    assert [*suite.baselines()] == ["PPO (baseline)"]
+    path.write_text(damage(path.read_text("utf-8")), "utf-8")
+    with pytest.raises(SettingError, match=f"the baselines of this package are damaged: .*{told}"):
+        suite.baselines()
+
+
+def test_baselines_of_other_versions_are_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr(suite, "BASELINES", tmp_path)
+    make_folder(tmp_path / "small-1")
+    for size, version in ("large", 1), ("small", 2):
+        monkeypatch.setattr(suite, "VERSION", version)
+        told = f"version {version} of the {size} suite has no baselines; there are .* for small-1"
+        with pytest.raises(SettingError, match=told):
+            suite.baselines(size)
 
 
 @pytest.mark.parametrize("frame_skip", [1, 2])

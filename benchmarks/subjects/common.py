@@ -23,6 +23,8 @@ STEPS_A_CALL = 2**15
 # The length of a training, for learning rate schedules; only its start is run.
 TRAINED_STEPS = 10_000_000
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
+# Scenarios with `look="game"`.
+PICTURED = ("my-way-home", "health-gathering", "health-gathering-supreme")
 SHOOTING = (
     "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
     "take-cover", "deathmatch",

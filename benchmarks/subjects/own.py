@@ -29,7 +29,7 @@ from benchmarks.subjects.common import (
 from jaxenstein.speed.random_rollout import make_random_rollout
 
 # Options that are settings of the environments, with their types.
-SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "buttons": str}
+SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "buttons": str, "look": str}
 
 
 def own_environment(options: Options, **settings: Any) -> tuple[Any, Any]:

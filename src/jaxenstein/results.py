@@ -157,7 +157,8 @@ def write_results(path: str | Path, results: Sequence[Results]) -> None:
             than `read_results` accepts.
         OutputError: the file cannot be written.
     """
-    entries = ",\n".join(json.dumps(one.to_json(), allow_nan=False) for one in results)
+    dense = {"allow_nan": False, "separators": (",", ":")}
+    entries = ",\n".join(json.dumps(one.to_json(), **dense) for one in results)
     head = f'"format": "{FORMAT}",\n"version": {VERSION},\n'
     text = f'{{\n{head}"results": [\n{entries}\n]\n}}\n'
     if len(text) > LARGEST:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .comparison import Compared, Reference, difference, read_reference
+from .comparison import Compared, Reference, difference, gather, read_reference
 from .errors import SettingError, nearest, quoted
 from .fields import Domain, check_value
 
@@ -26,6 +26,11 @@ SEEDS, EPISODES = 5, 100
 """Training seeds per algorithm, and test episodes per agent; actions are sampled."""
 REFERENCES = Path(__file__).with_name("suite_references.json")
 """Written by `python -m docs.measured suite`."""
+BASELINES = Path(__file__).with_name("suite_baselines")
+"""Results of our agents, such as small-1/ppo.json for version 1 of the small suite.
+
+Written by `python -m docs.measured baselines RUN`, in the format of `jaxenstein.results`.
+"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -258,6 +263,32 @@ def check_compared(compared: Compared, suite: str) -> Compared:
                 )
         ordered[policy] = {task.id: mine[task.id] for task in TASKS}
     return ordered
+
+
+def baselines(suite: str = "small") -> Compared:
+    """The results of our agents, which are part of the package.
+
+    Args:
+        suite: "small" or "large".
+
+    Returns:
+        Results by policy, such as "PPO (baseline)", and then by task.
+
+    Raises:
+        SettingError: the suite does not exist or has no baselines, or a file is damaged.
+    """
+    suite_of(suite)
+    files = sorted((BASELINES / f"{suite}-{VERSION}").glob("*.json"))
+    if not files:
+        raise SettingError(
+            f"version {VERSION} of the {suite} suite has no baselines; there are baselines for "
+            f"{', '.join(sorted(path.name for path in BASELINES.glob('*-*'))) or 'no suite'}"
+        )
+    named = [(f"{path.stem.upper()} (baseline)", path) for path in files]
+    try:
+        return check_compared(gather(named), suite)
+    except SettingError as error:
+        raise SettingError(f"the baselines of this package are damaged: {error}") from error
 
 
 def departures(results: Iterable[Results]) -> list[str]:

@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from jaxenstein import suite
 from jaxenstein.cli import main
+from jaxenstein.files import make_folder
 from tests.reference import statistics
-from tests.results_of import results_of, write_all
+from tests.results_of import results_of, suite_results, write_all
 
 REFERENCE = {"simple": {"random": 0.0, "expert": 1.0}, "t-maze": {"random": -1.0, "expert": 1.0}}
 RND = {"simple": [[1.0, 0.5], [1.0, 1.0], [0.0, 0.5]], "t-maze": [[1.0, 0.0], [0.0, -1.0]]}
@@ -97,6 +99,51 @@ def test_single_run_gets_a_note(tmp_path: Path, capsys: pytest.CaptureFixture[st
     table, note = capsys.readouterr().out.splitlines()[1:]
     assert " mine " in table
     assert note.startswith("mine has a single run of simple: its intervals do not include")
+
+
+def test_baselines_stand_beside_the_own_agent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("jaxenstein.intervals.RESAMPLES", 20)
+    monkeypatch.setattr("jaxenstein.cli.score.POINTS", 5)
+    monkeypatch.setattr(suite, "BASELINES", tmp_path)
+    rng, folder = np.random.default_rng(0), make_folder(tmp_path / "small-1")
+    earned = {task.id: rng.normal(size=(5, 100)).tolist() for task in suite.TASKS}
+    write_all(folder, {"ppo.json": suite_results(returns=earned)})
+    (mine,) = write_all(tmp_path, {"mine.json": suite_results()})
+    out = tmp_path / "scores.json"
+    assert main(["score", str(mine), "--suite", "--baselines", "--json", str(out)]) == 0
+    report, shown = json.loads(out.read_text()), capsys.readouterr().out
+    assert [*report["policies"]] == ["mine", "PPO (baseline)"]
+    assert "mine departs from the protocol: 1 training seeds instead of 5" in shown
+    assert re.search(r"\nmine +\S+ +- +\S+ +- +\S+ +- +\S+ +-\n", shown)
+    assert "PPO (baseline) departs" not in shown
+    told = report["policies"]["PPO (baseline)"]["tasks"]
+    for task, ends in suite.references().items():
+        scores = (np.mean(earned[task], axis=1) - ends.random) / (ends.expert - ends.random)
+        assert told[task]["scores"] == pytest.approx(scores)
+        assert re.search(rf"PPO \(baseline\) +5 +100 .* {scores.mean():.3f}\n", shown)
+
+
+def test_baselines_of_another_size_are_not_mixed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(suite, "BASELINES", tmp_path)
+    write_all(make_folder(tmp_path / "small-1"), {"ppo.json": suite_results()})
+    small, large = write_all(
+        tmp_path, {"s.json": suite_results(), "l.json": suite_results("large")}
+    )
+    for words, told in (
+        ([str(small), "--baselines"], "--baselines needs --suite"),
+        ([str(large), "--baselines", "--suite"], "'height' is 64, but must be 16 in the small"),
+        ([str(large), "--baselines", "--suite", "large"], "the large suite has no baselines"),
+        (
+            ["--label", "PPO (baseline)", str(small), "--baselines", "--suite"],
+            "PPO (baseline) is a baseline; use another --label",
+        ),
+    ):
+        assert main(["score", *words]) == 2, words
+        assert told in capsys.readouterr().err
 
 
 def test_plot(words: list[str], tmp_path: Path) -> None:

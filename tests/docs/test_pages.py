@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import jaxenstein
-from docs.other_pages import with_suite_tasks
+from docs.other_pages import with_suite_tables
 from jaxenstein import registry, suite
 from jaxenstein.cli import build_parser
 from tests.docs.samples import PAGES, ROOT, Sample, anchors, commands, links, prose, samples
@@ -152,5 +152,5 @@ def test_repository_address_appears_once() -> None:
 
 def test_benchmark_page_lists_the_tasks():
     page = (ROOT / "docs/suite.md").read_text("utf-8")
-    assert with_suite_tasks(page) == page
+    assert with_suite_tables(page) == page
     assert f"which is {suite.VERSION}." in page

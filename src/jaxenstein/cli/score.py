@@ -36,13 +36,14 @@ median and optimality gap over all tasks (Agarwal et al. 2021). Their 95 % inter
 resampling the runs of every task.
 
 --suite scores results of 'jaxenstein evaluate --suite', with the references of the benchmark. It
-needs results in all tasks.
+needs results in all tasks. --baselines adds the results of our agents, which come with the package;
+without RESULTS it shows them alone.
 """
 EPILOG = """\
 examples:
   jaxenstein score simple-rnd.json simple-ppo.json
   jaxenstein score --label rnd rnd/*.json --label ppo ppo/*.json --actions sampled
-  jaxenstein score rnd.json mine.json --suite --plot scores.png
+  jaxenstein score mine.json --suite --baselines --plot scores.png
   jaxenstein score rnd.json ppo.json --reference reference.json --plot scores.png --json scores.json
 """
 # Headings of the aggregates in the table.
@@ -85,6 +86,8 @@ def fill(parser: Parser) -> None:
         help="a name for a policy, and its files; repeat for each policy",
     )
     add_suite(parser, "score results of the benchmark")
+    help = "with --suite: add the results of our agents"
+    parser.add_argument("--baselines", action="store_true", help=help)
     flag(parser, "--reference FILE", "returns that normalise the scores", Path)
     parser.add_argument(
         "--actions",
@@ -100,32 +103,46 @@ def run(options: argparse.Namespace) -> None:
     """Read the results, print the tables, and write the files."""
     from ..comparison import gather, read_reference
 
+    if options.suite is not None and options.reference is not None:
+        raise UsageError("jaxenstein score: give either --suite or --reference FILE")
+    if options.baselines and options.suite is None:
+        raise UsageError("jaxenstein score: --baselines needs --suite")
     files = _files(options)
     if options.json is not None:
         check_writable(options.json)
-    if options.suite is not None and options.reference is not None:
-        raise UsageError("jaxenstein score: give either --suite or --reference FILE")
     if options.plot is not None:
         if options.suite is None and options.reference is None:
             raise UsageError(
                 "jaxenstein score: --plot needs normalised scores: give --suite or --reference"
             )
         baselines("curves").check_picture(options.plot)
-    compared = gather(files, options.actions)
+    compared = gather(files, options.actions) if files else {}
     reference = None
     if options.suite is not None:
-        compared, reference = suite.check_compared(compared, options.suite), suite.references()
+        compared, reference = _of_suite(compared, options), suite.references()
     elif options.reference is not None:
         reference = read_reference(options.reference)
     summary = None if reference is None else summarised(compared, reference, options.seed)
     chance = _chance(compared, options.seed)
-    report = _report(compared, summary, chance, options.seed)
-    with written_anyway(options.json, lambda path: write_json(path, report)):
+
+    def write(path: Path) -> None:
+        write_json(path, _report(compared, summary, chance, options.seed))
+
+    with written_anyway(options.json, write):
         _print(compared, summary, chance, options.seed, options.suite is not None)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
         baselines("curves").save_figure(figure, [options.plot])
         print(f"wrote {options.plot}")
+
+
+def _of_suite(compared: Compared, options: argparse.Namespace) -> Compared:
+    """Check the user's results, and add the baselines."""
+    checked = suite.check_compared(compared, options.suite)
+    shipped = suite.baselines(options.suite) if options.baselines else {}
+    if taken := sorted({*checked} & {*shipped}):
+        raise UsageError(f"jaxenstein score: {taken[0]} is a baseline; use another --label")
+    return checked | shipped
 
 
 def _print(
@@ -155,7 +172,7 @@ def _files(options: argparse.Namespace) -> list[tuple[str | None, Path]]:
         if not paths:
             raise UsageError(f"jaxenstein score: --label {label}: give files after the name")
         files += [(label, Path(path)) for path in paths]
-    if not files:
+    if not files and not options.baselines:
         raise UsageError("jaxenstein score: give files from 'jaxenstein evaluate --json'")
     return files
 
@@ -229,19 +246,16 @@ def _notes(compared: Compared, of_suite: bool) -> str:
 
 
 def table_of_aggregates(summary: Summary) -> str:
-    """A table with a row for each policy."""
+    """A table with a row for each policy; single runs have no intervals."""
     heading = (word for name in HEADINGS.values() for word in (name, "95 %"))
     rows: list[tuple[str, ...]] = [("POLICY", *heading)]
     for policy, found in summary.aggregates.items():
-        cells = (
-            cell
-            for name in HEADINGS
-            for cell in (
-                f"{found[name].value:.3f}",
-                f"{found[name].low:.3f} - {found[name].high:.3f}",
-            )
-        )
-        rows.append((policy, *cells))
+        single = all(len(runs) == 1 for runs in summary.scores[policy])
+        row = [policy]
+        for name in HEADINGS:
+            one = found[name]
+            row += [f"{one.value:.3f}", "-" if single else f"{one.low:.3f} - {one.high:.3f}"]
+        rows.append(tuple(row))
     return format_table(rows, right=tuple(range(1, 9)))
 
 

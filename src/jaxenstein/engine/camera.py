@@ -30,6 +30,8 @@ class Camera:
         column: where rays pass a pixel, from 0 at its left edge to 1 at its right edge.
         row: the same from its upper edge to its lower edge.
         shift: how many columns farther to the right rays in the left half of the image pass.
+        screen: rows and columns of a screen out of which the image is taken: each of its pixels is
+            the one of the screen in whose area its centre is. None for exact places.
     """
 
     height: int = 64
@@ -42,6 +44,7 @@ class Camera:
     column: float = 0.5
     row: float = 0.5
     shift: float = 0
+    screen: tuple[int, int] | None = None
 
     @property
     def half_plane(self) -> float:
@@ -82,12 +85,18 @@ class Camera:
         """float32[width + extra]: the sideways offset of each column at distance 1."""
         column = np.arange(self.width + self.extra)
         places = column + self.column + self.shift * (2 * column + 1 < self.width)
+        if self.screen:
+            places += _moved(column, self.screen[1] / self.width)
         centres = (2 * places / self.width - 1) * self.half_plane
         return centres.astype(np.float32)
 
     def row_offsets(self) -> np.ndarray:
         """float32[height]: how far each row is below the horizon, in pixels."""
-        return (np.arange(self.height) + self.row - self.height / 2).astype(np.float32)
+        row = np.arange(self.height)
+        places = row + self.row
+        if self.screen:
+            places += _moved(row, self.screen[0] / self.height)
+        return (places - self.height / 2).astype(np.float32)
 
     def row_distances(self, lift: Any = None) -> Any:
         """float32[height]: the depth in tiles at which each row shows floor or ceiling.
@@ -104,3 +113,9 @@ class Camera:
             return far.astype(np.float32) / rows
         raised = np.where(below > 0, self.row_focal, -self.row_focal) * lift
         return (far + raised).astype(np.float32) / rows
+
+
+def _moved(pixel: np.ndarray, share: float) -> np.ndarray:
+    """How far the centre of the screen's pixel is from that of an image's, of `share` of them."""
+    centre = (pixel + 0.5) * share
+    return (np.floor(centre) + 0.5 - centre) / share

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -22,11 +23,14 @@ from .camera import Camera
 from .image_columns import drop_of, half_height
 from .level import WORD, Array
 from .pixels import rounded, test_bit, whole
-from .raycast import Hits, rays
+from .raycast import NUDGE, Hits, direction, rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
 from .sprites import Spots
 from .textures import Cutouts, Sampling, Textures, entry, shade_of
+
+# A whole, on screens of whole columns.
+ONE = 65536
 
 
 class TexturedColumns(PyTreeNode):
@@ -112,24 +116,30 @@ def prepare(
     walls, places = textures.walls, textures.sampling
     assert hits.side is not None
     material = _material(hits, textures)
-    depth, edge_depth, along = hits.depth, hits.depth, hits.along
+    depth, along = hits.depth, hits.along
     if places.screen:
-        depth, edge_depth, along = _whole_columns(heading, hits, camera, places)
-    camera = camera.at(places.wall)
+        depth, along = _sampled(heading, hits, camera, places)
+    edge_depth, camera = depth, camera.at(places.wall)
     across = entry(walls.across, material)
     # Texel columns run from left to right in the image, over all tiles of a wall.
     column, row = hits.tile[:, 0], hits.tile[:, 1]
     tile = jnp.where(hits.side < 2, row, column)
-    tile = jnp.where((hits.side == 1) | (hits.side == 2), -1 - tile, tile)
+    tile = jnp.where(_mirrored(hits), -1 - tile, tile)
     within = along * across.astype(jnp.float32)
-    within = jnp.floor(within) if places.screen else within
-    texel = tile * across + within.astype(jnp.int32)
+    texel = tile * across + (jnp.floor(within) if places.screen else within).astype(jnp.int32)
     if walls.begin is not None and walls.length is not None:
-        begin = entry(walls.begin, material)
-        texel = jnp.clip(texel, begin, begin + entry(walls.length, material) - 1)
+        begin, length = entry(walls.begin, material), entry(walls.length, material)
+        texel = jnp.clip(texel, begin, begin + length - 1)
+        if places.screen:
+            left = (begin - tile * across).astype(jnp.float32) - within
+            ends = [
+                end / across.astype(jnp.float32)
+                for end in (left, left + length.astype(jnp.float32))
+            ]
+            edge_depth = _from_end_to_end(heading, hits, depth, ends, camera, places.screen)
     texel = (texel + entry(walls.offset, material)) & (entry(walls.width, material) - 1)
     # Pictures have their own seams, so use the light of the middle of a tile.
-    light = theme.light.wall(depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
+    light = theme.light.wall(edge_depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
     height = entry(walls.height, material)
     down = entry(walls.down, material)
     above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
@@ -158,26 +168,73 @@ def of_walls(camera: Camera, places: Sampling) -> Camera:
     return dataclasses.replace(camera, shift=camera.width / places.screen)
 
 
-def _whole_columns(
+def _sampled(
     heading: jax.Array, hits: Hits, camera: Camera, places: Sampling
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Where other rays of a column meet the plane of its wall.
+) -> tuple[jax.Array, jax.Array]:
+    """Where the ray at `Sampling.wall` meets the plane of the wall of each column.
 
     Returns:
-        float32[W] each: the depth at the point `Sampling.wall`; the depth that determines the upper
-        and the lower edge of the wall; and the counterpart of `Hits.along` for the first depth,
-        which can be beyond the tile.
+        float32[W] each: the depth, and the counterpart of `Hits.along`, which can be beyond the
+        tile.
     """
-    assert hits.side is not None
-    finder, half = of_walls(camera, places), camera.width / places.screen / 2
-    edges = dataclasses.replace(finder, column=finder.column - half)
-    found = _towards(hits, rays(heading, finder))
+    found = _towards(hits, rays(heading, of_walls(camera, places)))
     own = _towards(hits, rays(heading, camera.at(places.wall)))
-    edge = _towards(hits, rays(heading, edges))
-    depths = [hits.depth / jnp.clip(ray[0] / found[0], 0.5, 2) for ray in (own, edge)]
-    aside = depths[0] * own[1] - hits.depth * found[1]
-    mirrored = (hits.side == 1) | (hits.side == 2)
-    return depths[0], depths[1], hits.along + jnp.where(mirrored, -aside, aside)
+    depth = hits.depth / jnp.clip(own[0] / found[0], 0.5, 2)
+    aside = depth * own[1] - hits.depth * found[1] - NUDGE * jnp.sign(found[1])
+    # Sines from a table make rays that are a little too short. Depth is along them, in their scale.
+    scale = jnp.sum(jnp.square(jnp.stack(direction(heading))))
+    return depth * scale, hits.along + jnp.where(_mirrored(hits), -aside, aside)
+
+
+def _from_end_to_end(
+    heading: jax.Array,
+    hits: Hits,
+    depth: jax.Array,
+    ends: Sequence[jax.Array],
+    camera: Camera,
+    screen: int,
+) -> jax.Array:
+    """float32[W]: the depth that tells upper and lower edge and the light of each column.
+
+    On a screen of whole columns, these go straight from the first column of a wall to its last one,
+    although its ends are within columns.
+
+    Args:
+        heading: as in `prepare`.
+        hits: as in `prepare`.
+        depth: float32[W], of the place where a column samples its wall.
+        ends: float32[W], tiles from that place rightwards to the left end of the wall, and to its
+            right end.
+        camera: with the places of walls.
+        screen: columns of the screen.
+    """
+    plane, half = np.float32(camera.half_plane), np.float32(screen / 2)
+    scale = half / plane
+    slopes = jnp.asarray(camera.column_slopes())
+    cos, sin = direction(heading)
+    (through, along), (through_aside, along_aside) = (
+        _towards(hits, way) for way in ((cos, sin), (-sin, cos))
+    )
+    sign = jnp.where(_mirrored(hits), jnp.float32(-1), jnp.float32(1))
+    exact, whole = [], []
+    for end, border in zip(ends, (-plane, plane), strict=True):
+        aside = depth * slopes + end * sign * along_aside
+        ahead = depth + end * sign * along
+        seen = aside >= -plane * ahead if border < 0 else aside <= plane * ahead
+        slope = jnp.where(seen, aside / jnp.maximum(ahead, jnp.float32(1e-6)), border)
+        column = jnp.floor(slope * scale + half) + (slope >= 0).astype(jnp.float32)
+        exact.append(slope)
+        whole.append(jnp.minimum(column, 2 * half))
+    share = slopes * scale + half - whole[0]
+    share = share / jnp.maximum(whole[1] - whole[0], 1)
+    straight = exact[0] + (exact[1] - exact[0]) * share
+    nearer = (through + straight * through_aside) / (through + slopes * through_aside)
+    return depth / jnp.clip(nearer, 0.5, 2)
+
+
+def _mirrored(hits: Hits) -> jax.Array:
+    """bool[W]: whether x or y falls from left to right on the wall."""
+    return (hits.side == 1) | (hits.side == 2)
 
 
 def _towards(hits: Hits, ray: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -279,12 +336,24 @@ def paint_rows(
     textures = textures_of(theme)
     flats, places = textures.flats, textures.sampling
     camera = camera.at(places.plane)
-    distance = camera.row_distances(lift)[:, None]
+    distance = _distances(camera, lift, places)[:, None]
     lit = camera.at((0.5, places.light_row)).row_distances(lift)[:, None]
     plane = _plane(camera)
     scale = np.asarray(flats.scale, np.float32)[plane]
     base = shade_of(theme.light.plain(lit)) * np.int32(textures.size) + flats.first[plane]
     return TexturedRows((distance * scale[..., 0], distance * scale[..., 1]), base)
+
+
+def _distances(camera: Camera, lift: jax.Array | None, places: Sampling) -> Array:
+    """float32[height]: the depth in tiles at which each row shows floor or ceiling."""
+    if not places.screen:
+        return camera.row_distances(lift)
+    # Such screens multiply the height of the eye by a slope in 65536ths.
+    below = camera.row_offsets()
+    slopes = np.floor(camera.row_focal / np.maximum(np.abs(below), 0.01) * ONE) / ONE
+    heights = np.where(below > 0, camera.eye, camera.wall - camera.eye).astype(np.float32)
+    heights = heights if lift is None else heights + np.sign(below) * lift
+    return heights * slopes.astype(np.float32)
 
 
 def _plane(camera: Camera) -> np.ndarray:

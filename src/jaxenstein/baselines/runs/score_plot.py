@@ -44,7 +44,7 @@ def plot_scores(
         ends.use_sticky_edges = False
         ends.margins(x=0.08)
         ends.locator_params(axis="x", nbins=4)
-        ends.set_title(title, fontsize="medium")
+        ends.set_title(title, fontsize="small")
         ends.set_yticks(range(len(aggregates)), labels if name == "interquartile_mean" else [])
         ends.set_ylim(len(aggregates) - 0.4, -0.6)
         ends.grid(axis="x", alpha=0.3)

@@ -115,21 +115,20 @@ def _windows(ends: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     shift = BLOCK_BITS - 16
     first, last = (ends.min(axis=1) - low) >> shift, (ends.max(axis=1) - low) >> shift
     counts = ((high - low) >> shift) + 1
+    steps = np.arange(WINDOW)
+    # Whether each wall is in a window's blocks, for each coordinate: int[walls, count, WINDOW].
+    near = []
+    for i in (0, 1):
+        blocks = np.arange(counts[i])[:, None] + steps
+        within = (first[:, i, None, None] <= blocks) & (blocks <= last[:, i, None, None])
+        near.append(within.astype(int))
+    members = np.einsum("wci,wrj,ij->crw", *near, 1 << (steps[:, None] + WINDOW * steps))
     lists: dict[tuple[int, int, int], list[list[int]]] = {}
-    for column in range(counts[0]):
-        for row in range(counts[1]):
-            for number, line in enumerate(ends):
-                members = sum(
-                    1 << (i + WINDOW * j)
-                    for i in range(WINDOW)
-                    for j in range(WINDOW)
-                    if (first[number] <= (column + i, row + j)).all()
-                    and ((column + i, row + j) <= last[number]).all()
-                )
-                if members:
-                    axis = int(line[0, 0] != line[1, 0])
-                    entry = [*_side(line, axis), members * _EACH_VISIT, number]
-                    lists.setdefault((column, row, axis), []).append(entry)
+    for column, row, number in np.argwhere(members).tolist():
+        line = ends[number]
+        axis = int(line[0, 0] != line[1, 0])
+        held = int(members[column, row, number]) * _EACH_VISIT
+        lists.setdefault((column, row, axis), []).append([*_side(line, axis), held, number])
     longest = max(map(len, lists.values()))
     table = np.zeros((*counts, 2, longest, 5), np.int32)
     table[..., EDGE] = _NEVER

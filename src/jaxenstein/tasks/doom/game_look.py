@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -37,17 +37,23 @@ LEAST_WIDTH, SCREEN = 160, (240, 320)
 # Rows from the edge of a pixel to its sample, so that a sample between two texels is in the lower
 # one: the eye of a player who stands is at such a height.
 NUDGE = 2.0**-13
+# `view.ROW_FOCAL_SHARE` of the game itself, whose aspect of 6 to 5 is a whole number of 65536ths.
+GAME_FOCAL_SHARE = 78643 / 65536 * 2 / 3
 # The colour that tints a frame in the tic of a pickup, and its share in 256ths.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture of a thing: its letter, for how many tics it is shown, and if in full light."""
+    """A picture of a thing: its letter, for how many tics it is shown, and if in full light.
+
+    `height` is the height of the thing above the floor in map units.
+    """
 
     letter: str = "A"
     tics: int = 1
     bright: bool = False
+    height: int = 0
 
 
 @dataclass(frozen=True)
@@ -57,69 +63,98 @@ class Animation:
     Attributes:
         sprite: the four letters of its pictures' names.
         frames: its frames.
-        start: a tic of the game in which the first frame begins.
+        start: the age at which the first frame begins, in tics.
+        once: how many of the first frames are not repeated.
     """
 
     sprite: str
     frames: tuple[Frame, ...] = (Frame(),)
     start: int = 0
+    once: int = 0
 
-    def frame_at(self, time: jax.Array) -> jax.Array:
-        """int32[]: the number of the frame at a time int32[]."""
-        ends = np.cumsum([frame.tics for frame in self.frames])
-        tic = (time - self.start) % int(ends[-1])
-        return jnp.sum(tic >= jnp.asarray(ends[:-1].astype(np.int32)), dtype=jnp.int32)
+    @functools.cached_property
+    def looks(self) -> tuple[Frame, ...]:
+        """Its frames without their durations, each once."""
+        return tuple(dict.fromkeys(replace(frame, tics=1) for frame in self.frames))
+
+    def look_at(self, age: jax.Array) -> jax.Array:
+        """int32[...]: the index in `looks` at an age int32[...] in tics."""
+        looks = [self.looks.index(replace(frame, tics=1)) for frame in self.frames]
+        tics = [frame.tics for frame in self.frames]
+        first, every = sum(tics[: self.once]), sum(tics[self.once :])
+        tic = age - self.start
+        again = first + (tic - first) % every
+        tic = jnp.where(tic < first, jnp.maximum(tic, 0), again) if first else again
+        table = np.repeat(np.array(looks, np.int32), tics)
+        return jnp.asarray(table).at[tic].get(mode="promise_in_bounds")
 
 
+def falling(*frames: Frame) -> tuple[Frame, ...]:
+    """The frames in the tics in which a thing falls from the height at which scripts make it.
+
+    Gravity adds a map unit per tic to its speed, as in the game.
+    """
+    heights = [20, 19, 17, 14, 10, 5]
+    return tuple(replace(frame, height=z) for frame, z in zip(frames, heights, strict=True))
+
+
+_BOTTLE = [Frame(letter) for letter in "ABCDCB" for _ in range(6)]
+# A thing that a script made: its age is 0 in the first tic that shows it, the second of its frame.
+_MEDKIT = Animation("MEDI", (*falling(*[Frame()] * 6), Frame()), once=6)
 ANIMATIONS = {
     "GreenArmor": Animation("ARM1", (Frame("A", 6), Frame("B", 7, bright=True)), start=11),
-    "Medikit": Animation("MEDI"),
-    "CustomMedikit": Animation("MEDI"),
-    # The game shows other frames of a bottle later.
-    "Poison": Animation("BON1"),
+    "Medikit": _MEDKIT,
+    "CustomMedikit": _MEDKIT,
+    "Poison": Animation("BON1", (*falling(*_BOTTLE[1:7]), *_BOTTLE[7:], *_BOTTLE[:7]), once=6),
 }
 """The pictures of things, by the game's names."""
 
 
-def frames_at(animations: Sequence[Animation], time: jax.Array, picture: jax.Array) -> jax.Array:
-    """int32[N]: rows of the tables of `with_frames`.
+def rows_at(animations: Sequence[Animation], age: jax.Array, picture: jax.Array) -> jax.Array:
+    """int32[N]: rows of the tables of `with_looks`.
 
     Args:
         animations: of the things.
-        time: int32[], tics since the game began.
+        age: int32[N], tics since each appeared or, if it always was there, since the game began.
         picture: int32[N], numbers of animations.
     """
-    if all(len(one.frames) == 1 for one in animations):
-        return picture
-    firsts = np.cumsum([0, *(len(one.frames) for one in animations)])[:-1].astype(np.int32)
-    rows = [first + one.frame_at(time) for first, one in zip(firsts, animations, strict=True)]
-    return jnp.stack(rows).at[picture].get(mode="promise_in_bounds")
+    row, first = jnp.zeros_like(picture), 0
+    for number, one in enumerate(animations):
+        row = jnp.where(picture == number, first + one.look_at(age), row)
+        first += len(one.looks)
+    return row
 
 
-def with_frames(theme: Theme, animations: Sequence[Animation]) -> Theme:
-    """A theme with a row of the tables of billboards for each frame."""
-    rows = np.repeat(np.arange(len(animations)), [len(one.frames) for one in animations])
+def with_looks(theme: Theme, animations: Sequence[Animation]) -> Theme:
+    """A theme with a row of the tables of billboards for each of `Animation.looks`."""
+    rows = np.repeat(np.arange(len(animations)), [len(one.looks) for one in animations])
     names = "sprite_art", "sprite_colours", "sprite_radius", "sprite_drop", "sprite_labels"
     return theme.replace(**{name: getattr(theme, name)[rows] for name in names})
 
 
-def sampling(height: int, width: int) -> Sampling:
+def screen_of(height: int, width: int, samples: int = 1) -> tuple[int, int]:
+    """Rows and columns of the screen of the game from which a frame takes its pixels."""
+    same = 4 * height == 3 * width and width >= LEAST_WIDTH and samples == 1
+    return (height, width) if same else SCREEN
+
+
+def sampling(height: int, width: int, samples: int = 1) -> Sampling:
     """The points at which the game samples the pixels of a frame.
 
-    A frame that is not a screen size of the game has pixels of its screen of 320 by 240, with the
-    offsets of that screen.
+    Args:
+        height: image rows.
+        width: image columns.
+        samples: pixels of the screen, side by side, for each pixel of the frame.
     """
-    screen = SCREEN[1]
-    if 4 * height == 3 * width and width >= LEAST_WIDTH:
-        across, down, screen = 0.5, 0.5, width
-    else:
-        down, across = (min(0.5, 0.5 * n / m) for n, m in zip((height, width), SCREEN, strict=True))
+    rows, screen = screen_of(height, width, samples)
+    down, across = 0.5 * height / rows, 0.5 * samples * width / screen
     low = 0.5 + down
     return Sampling(
         wall=(0.5 - across, low + NUDGE),
         plane=(0.5 + across, 0.5),
         thing=(0.5, low),
         light_row=0.5 - down,
+        samples=samples,
         screen=screen,
     )
 
@@ -152,15 +187,21 @@ def game_textures(
     tiles = rasterise(doom_map, unit)
     papers = {name: _paper(wad, name) for name in tiles.textures}
     flats = {name: wad.flat(name) for name in doom_map.flats}
-    frames = [(one.sprite, frame) for one in animations for frame in one.frames]
-    things = [wad.sprite(sprite, frame.letter)[0] for sprite, frame in frames]
-    centred = [_centred(picture) for picture in things]
+    looks = [(one.sprite, look) for one in animations for look in one.looks]
+    names = [(sprite, look.letter) for sprite, look in looks]
+    # Looks with the same letter have one picture, of which the atlas holds one.
+    things = {name: wad.sprite(*name)[0] for name in names}
+    centred = {name: _centred(picture) for name, picture in things.items()}
+    pixels = {name: np.maximum(picture, 0) for name, picture in centred.items()}
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]
-    pixels = [np.maximum(picture, 0) for picture in centred]
     colours = _colours(wad)
     atlas, first = build_atlas(
-        [*(papers[wall.texture] for wall in doom_map.walls), *planes, *pixels],
+        [
+            *(papers[wall.texture] for wall in doom_map.walls),
+            *planes,
+            *(pixels[name] for name in names),
+        ],
         lambda picture, shade: colours[shade][picture],
     )
     count = len(doom_map.walls)
@@ -189,7 +230,11 @@ def game_textures(
             origin=np.array([(tiles.west % 64, -tiles.north % 64)] * 2, np.float32),
         ),
         cutouts=_cutouts(
-            things, centred, [frame.bright for _, frame in frames], first[count + 2 :], unit
+            [things[name] for name in names],
+            [centred[name] for name in names],
+            [look for _, look in looks],
+            first[count + 2 :],
+            unit,
         ),
     )
 
@@ -243,13 +288,15 @@ def _margins(picture: Picture) -> tuple[int, int]:
 def _cutouts(
     things: list[Picture],
     centred: list[np.ndarray],
-    bright: list[bool],
+    looks: list[Frame],
     first: np.ndarray,
     unit: int,
 ) -> Cutouts:
     column, opaque = pack_opaque([pixels >= 0 for pixels in centred])
     widths, heights = sides_of(centred)
-    top = np.array([EYE - picture.top for picture in things])
+    top = np.array(
+        [EYE - look.height - thing.top for look, thing in zip(looks, things, strict=True)]
+    )
     margins = np.array([_margins(picture) for picture in things], np.int32)
     return Cutouts(
         first,
@@ -258,7 +305,7 @@ def _cutouts(
         half_width=(widths / (2 * unit)).astype(np.float32),
         top=(top / unit).astype(np.float32),
         bottom=((top + heights) / unit).astype(np.float32),
-        bright=np.array(bright),
+        bright=np.array([look.bright for look in looks]),
         column=column,
         opaque=opaque,
         left=margins[:, 0],

@@ -56,11 +56,14 @@ class Sprites(NamedTuple):
         places: int32[N, 2], map units in 16.16.
         pictures: int32[N], picture numbers, counted over the part's objects.
         visible: bool[N].
+        age: int32[N], for `look="game"` the tics since they appeared; None if they always were
+            there.
     """
 
     places: jax.Array
     pictures: jax.Array
     visible: jax.Array
+    age: jax.Array | None = None
 
 
 class Part:

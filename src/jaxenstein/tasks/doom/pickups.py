@@ -192,7 +192,11 @@ class Pickups(Part):
 
     def sprites(self, state: Any) -> Sprites:
         """The things that are present."""
-        return Sprites(state.places, jnp.asarray(self.kind_of), state.present)
+        first = sum(kind.at_first for kind in self.kinds)
+        # The number of a thing that was not there at first is that of the time, see `appear`.
+        born = jnp.where(state.number < first, 0, state.number // len(self.kinds) - 1)
+        age = state.time - born
+        return Sprites(state.places, jnp.asarray(self.kind_of), state.present, age)
 
     def from_game(self, state: Any, game: Game) -> Any:
         """Read the things of the game."""

@@ -21,7 +21,7 @@ from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info, Params, State
 from ...errors import SettingError, quoted
-from ...fields import choice, of_form
+from ...fields import choice, number, of_form
 from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
@@ -34,11 +34,13 @@ from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, direction, to_fixed
 from .game_look import (
     ANIMATIONS,
+    GAME_FOCAL_SHARE,
     Animation,
-    frames_at,
     game_textures,
+    rows_at,
     sampling,
-    with_frames,
+    screen_of,
+    with_looks,
 )
 from .maps import START, DoomMap, TileGrid, load_map, rasterise
 from .monsters import Horde
@@ -129,11 +131,13 @@ class DoomScenario(FirstPerson[S, P]):
             the aspect ratio 4:3 and at least 160 columns show what the game shows on a screen of
             that size. Other frames are pixels of its screen of 320 by 240: 64x48 has the middle one
             of every 5x5.
+        samples: with `look="game"`, 2 for the mean of two adjacent pixels of the screen.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for the file of Freedoom, which
             comes with the extra `vizdoom`.
     """
 
     wad: str | None = of_form(None, "text")
+    samples: int = number(1, 1, 2)
     buttons: ButtonsAtOnce = choice("single", ButtonsAtOnce)
     field_of_view: float = 90.0
     hud: bool = False
@@ -163,6 +167,11 @@ class DoomScenario(FirstPerson[S, P]):
         if self.wad is not None and self.look != "game":
             raise SettingError(
                 f"wad needs look='game': set that too, not wad={quoted(self.wad)} with "
+                f"look={quoted(self.look)}"
+            )
+        if self.samples != 1 and self.look != "game":
+            raise SettingError(
+                f"samples needs look='game': set that too, not samples={self.samples} with "
                 f"look={quoted(self.look)}"
             )
         if self.look == "game":
@@ -282,13 +291,15 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def camera(self) -> Camera:
         """The camera of the game's player."""
+        size = self.view_height, int(self.width)
+        shown = self.look == "game"
         return Camera(
-            self.view_height,
-            int(self.width),
+            *size,
             float(self.field_of_view),
             eye=EYE / self.unit,
             wall=(self.doom_map.ceiling - self.doom_map.floor) / self.unit,
-            row_focal_share=ROW_FOCAL_SHARE,
+            row_focal_share=GAME_FOCAL_SHARE if shown else ROW_FOCAL_SHARE,
+            screen=screen_of(*size, int(self.samples)) if shown else None,
         )
 
     @functools.cached_property
@@ -310,12 +321,13 @@ class DoomScenario(FirstPerson[S, P]):
 
     @functools.cached_property
     def game_theme(self) -> Theme:
-        """The look of the map in the game, with a row for each frame of each thing."""
+        """The look of the map in the game, with a row for each look of each thing."""
         textures = game_textures(
             str(find_iwad(self.wad)), self.room.map_name, self.animations, self.unit
         )
-        textures = textures.replace(sampling=sampling(self.view_height, int(self.width)))
-        return with_frames(self.theme, self.animations).replace(textures=textures)
+        places = sampling(self.view_height, int(self.width), int(self.samples))
+        textures = textures.replace(sampling=places)
+        return with_looks(self.theme, self.animations).replace(textures=textures)
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
@@ -323,7 +335,12 @@ class DoomScenario(FirstPerson[S, P]):
             return super().dressed(scene, state)
         cosine, sine = direction(state.angle)
         heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
-        picture = frames_at(self.animations, self.game_tic(state), scene.sprites.picture)
+        tic, ages = self.game_tic(state), []
+        for part in self.parts:
+            if shown := part.sprites(state):
+                age = tic if shown.age is None else shown.age
+                ages.append(jnp.broadcast_to(age, shown.visible.shape))
+        picture = rows_at(self.animations, jnp.concatenate(ages), scene.sprites.picture)
         sprites = scene.sprites.replace(picture=picture)
         return scene.replace(heading=heading, sprites=sprites, theme=self.game_theme)
 

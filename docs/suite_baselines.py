@@ -1,0 +1,109 @@
+"""Our agents on the small suite of the benchmark: results, training curves and figures.
+
+The results are part of the package (`jaxenstein.suite.BASELINES`), the curves are in
+docs/suite_curves. `add` writes both for an algorithm; `draw` and the tables only read them.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from docs.page_parts import HERE
+from jaxenstein import suite
+from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
+from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.cli import main as command
+from jaxenstein.files import atomic, make_folder
+from jaxenstein.results import read_results
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SIZE = "small"
+CURVES = HERE / "suite_curves"
+IMAGES = HERE / "images" / "results"
+# The most points of a curve, and the panels in a row.
+POINTS, COLUMNS = 50, 4
+
+
+def add(folder: Path) -> None:
+    """Test the agents of one algorithm, and write their results and curves.
+
+    Args:
+        folder: the folder of `jaxenstein train --suite`, with a run for each task.
+
+    Raises:
+        SystemExit: the agents do not follow the protocol, or their tests fail.
+    """
+    about = {task.id: RunFolder.open(folder / task.id).experiment for task in suite.TASKS}
+    config, hparams = (getattr(about[suite.TASKS[0].id], part) for part in ("config", "hparams"))
+    if any((run.config, run.hparams) != (config, hparams) for run in about.values()):
+        raise SystemExit(f"{folder}: the configs of the tasks differ")
+    if config.total_steps != suite.SUITES[SIZE].total_steps:
+        raise SystemExit(f"{folder}: trained with {config.total_steps:,} decisions per agent")
+    curves = {task: _curve(folder / task) for task in about}
+    for task, curve in curves.items():
+        if curve["decisions"][-1] != config.updates * config.steps_per_update:
+            raise SystemExit(f"{folder / task}: the training is not complete")
+    results = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}") / f"{config.algo}.json"
+    if command(["evaluate", str(folder), "--suite", SIZE, "--json", str(results)]):
+        raise SystemExit(1)
+    if departures := suite.departures(read_results(results)):
+        raise SystemExit(f"{results} departs from the protocol: {', '.join(departures)}")
+    lines = ",\n".join(f"{json.dumps(task)}: {json.dumps(of)}" for task, of in curves.items())
+    with atomic(make_folder(CURVES) / f"{config.algo}.json") as temporary:
+        temporary.write_text(f"{{\n{lines}\n}}\n", "utf-8")
+
+
+def _curve(run: Path) -> dict[str, Any]:
+    """The training of a task: decisions, and a list of mean returns for each seed."""
+    (curve,) = curves_of(run, "return", POINTS)
+    returns = [[_short(value) for value in values] for values in curve.values]
+    return {"decisions": curve.at.astype(int).tolist(), "returns": returns}
+
+
+def _short(value: float) -> float | None:
+    """Four digits of a number; None where no episode ended."""
+    return None if np.isnan(value) else float(f"{value:.4g}")
+
+
+def stored_curves() -> dict[str, dict[str, Any]]:
+    """The curves that `add` has written, by algorithm and task."""
+    return {path.stem: json.loads(path.read_text("utf-8")) for path in sorted(CURVES.glob("*"))}
+
+
+def draw() -> None:
+    """Draw the figures of docs/suite.md."""
+    profiles, training = (IMAGES / f"suite-{name}.png" for name in ("profiles", "training"))
+    if command(["score", "--suite", SIZE, "--baselines", "--plot", str(profiles)]):
+        raise SystemExit(1)
+    save_figure(training_figure(), [training])
+
+
+def training_figure() -> Figure:
+    """The training curves, a panel for each task: means over seeds with 95 % bands."""
+    figure = new_figure(9.6, 6.4)
+    panels = figure.subplots(-(-len(suite.TASKS) // COLUMNS), COLUMNS, sharex=True, sharey=True)
+    for axes, task in zip(panels.flat, suite.TASKS, strict=False):
+        ends = suite.references()[task.id]
+        for algo, curves in stored_curves().items():
+            at = np.array(curves[task.id]["decisions"]) / 1e6
+            returns = np.array(curves[task.id]["returns"], np.float64)
+            # No episode may end in a part of the training.
+            there = ~np.isnan(returns).all(axis=0)
+            scores = (returns[:, there] - ends.random) / (ends.expert - ends.random)
+            mean, low, high = band(scores)
+            (line,) = axes.plot(at[there], mean, label=algo.upper())
+            axes.fill_between(at[there], low, high, color=line.get_color(), alpha=0.2, lw=0)
+        axes.set_title(task.id, fontsize="small")
+        axes.set_ylim(-0.1, 1.05)
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels.flat[0].legend(frameon=False)
+    figure.supxlabel("million decisions", fontsize="medium")
+    figure.supylabel("score on the training levels", fontsize="medium")
+    return figure

@@ -1,0 +1,97 @@
+"""The baselines of the benchmark: their curves, their figures, and the command that adds them."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("flax")
+pytest.importorskip("matplotlib")
+
+from docs import measured, suite_baselines
+from jaxenstein import suite
+from jaxenstein.cli import main
+from jaxenstein.comparison import run_scores
+from jaxenstein.intervals import mean_interval
+from jaxenstein.results import read_results
+from jaxenstein.scores import normalised
+
+PAGE = "<!-- suite tasks -->\n<!-- end -->\n<!-- suite baselines -->\n<!-- end -->\n"
+
+
+def test_the_curves_belong_to_the_results() -> None:
+    curves = suite_baselines.stored_curves()
+    shipped = suite.BASELINES / f"{suite_baselines.SIZE}-{suite.VERSION}"
+    assert [*curves] == sorted(path.stem for path in shipped.glob("*"))
+    for algo, tasks in curves.items():
+        assert [*tasks] == [task.id for task in suite.TASKS], algo
+        for curve in tasks.values():
+            assert np.shape(curve["returns"]) == (suite.SEEDS, len(curve["decisions"])), algo
+            assert curve["decisions"][-1] == pytest.approx(3_000_000, rel=0.01)
+
+
+def test_the_page_says_what_was_measured() -> None:
+    page = " ".join((suite_baselines.HERE / "suite.md").read_text("utf-8").split())
+    ppo = suite.baselines()["PPO (baseline)"]
+    for task in ("simple", "key-door", "dmlab-static-01"):
+        assert not ppo[task].successes.any()
+    assert not ppo["t-maze"].returns.any()
+    # A guess earns 0.5 in minigrid-memory-s13.
+    guessed, ends = ppo["minigrid-memory-s13"].returns, suite.references()["minigrid-memory-s13"]
+    earned = mean_interval(guessed)
+    assert earned.low < 0.5 < earned.high
+    assert f"as a guess, {normalised(0.5, ends.random, ends.expert):.2f}." in page
+    *others, best = sorted(ppo["key-corridor-s3r3"].successes.mean(axis=1))
+    assert f"reaches the goal in {100 * best:.0f} % of the test episodes" in page
+    assert max(others) == 0.01
+    earned = mean_interval(ppo["doom-health-gathering-supreme"].returns)
+    assert earned.low < suite.references()["doom-health-gathering-supreme"].random < earned.high
+    scores = dict(zip(ppo, map(np.mean, run_scores(ppo, suite.references())), strict=True))
+    assert max(scores, key=scores.__getitem__) == "doom-defend-the-center"
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("plain_frames")
+def test_an_algorithm_is_added_from_its_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only this test runs the whole command."""
+    small = dataclasses.replace(suite.SUITES["small"], total_steps=256)
+    monkeypatch.setattr(suite, "TASKS", tuple(map(suite.task_of, ("t-maze", "simple"))))
+    monkeypatch.setattr(suite, "SUITES", {"small": small})
+    monkeypatch.setattr(suite, "SEEDS", 2)
+    monkeypatch.setattr(suite, "EPISODES", 100)
+    monkeypatch.chdir(tmp_path)
+    for module, name in (
+        (suite, "BASELINES"),
+        (suite_baselines, "CURVES"),
+        (suite_baselines, "IMAGES"),
+    ):
+        monkeypatch.setattr(module, name, tmp_path / name.lower())
+        (tmp_path / name.lower()).mkdir()
+    page = tmp_path / "suite.md"
+    page.write_text(PAGE)
+    monkeypatch.setattr(measured, "SUITE", page)
+    sizes = "--num-envs 4 --rollout 32 --minibatches 2 --features 8 --hidden 8 --head 8"
+    train = ["train", "--suite", "--algo", "e3b", *shlex.split(sizes)]
+    assert main([*train, "--out", "runs"]) == 0
+    measured.main(["baselines", "runs"])
+    results = read_results("baselines/small-1/e3b.json")
+    assert [one.returns.shape for one in results] == [(2, 100)] * 2
+    for one in results:
+        assert f"| `{one.environment.id}` | {one.returns.mean():.4g} |" in page.read_text()
+    curves = json.loads(Path("curves/e3b.json").read_text())
+    assert curves["simple"]["decisions"] == [128, 256]
+    assert {path.name for path in Path("images").iterdir()} == {
+        "suite-profiles.png",
+        "suite-training.png",
+    }
+    # Half of the decisions.
+    assert main([*train, "--out", "short", "--budget", "0.5"]) == 0
+    with pytest.raises(SystemExit, match="short: trained with 128 decisions per agent"):
+        measured.main(["baselines", "short"])
