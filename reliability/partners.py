@@ -45,7 +45,11 @@ PARTNERS: dict[str, Partner] = {
         ("examples/test_own_agents.py",),
         ("equinox", "tensorboardX", "wandb"),
     ),
-    "vizdoom": Partner(("vizdoom>=1.3",), ("adapters/test_vizdoom.py",), ("vizdoom",)),
+    "vizdoom": Partner(
+        ("vizdoom>=1.3",),
+        ("adapters/test_vizdoom.py", "adapters/test_vizdoom_ids.py"),
+        ("vizdoom",),
+    ),
     "torch": Partner((_TORCH,), ("adapters/test_torch.py", _EVERY), ("torch",), "3.11"),
     "torchrl": Partner(
         (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"),

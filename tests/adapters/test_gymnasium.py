@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
-from jaxenstein.adapters.registration import gymnasium_ids
+from jaxenstein.adapters.registration import gymnasium_ids, vizdoom_ids
 
 gymnasium = pytest.importorskip("gymnasium")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker")
@@ -66,7 +66,7 @@ COUNT_IDS = "print(sum(id.startswith('jaxenstein/') for id in gymnasium.registry
     ],
 )
 def test_ids_are_registered_in_either_import_order(imports: str) -> None:
-    assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids()))
+    assert run_python(f"{imports}\n{COUNT_IDS}") == str(len(gymnasium_ids() | vizdoom_ids()))
 
 
 def test_gymnasium_ids_include_the_version() -> None:
@@ -223,7 +223,7 @@ def test_rgb_array_list_collects_frames(made: Any) -> None:
 def test_human_mode_shows_frames_in_a_window(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(adapter, "RENDER_FPS", 1000)
+    monkeypatch.setattr(adapter.Interface, "render_fps", 1000)
     with warnings.catch_warnings():
         # pygame uses deprecated Python features.
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -13,6 +13,7 @@ pytest.importorskip("stable_baselines3")
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
 from stable_baselines3 import PPO  # noqa: E402  # pyright: ignore[reportMissingImports]
+from stable_baselines3.common.env_util import make_vec_env  # noqa: E402  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.monitor import Monitor  # noqa: E402  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.vec_env import (  # noqa: E402  # pyright: ignore[reportMissingImports]
@@ -206,3 +207,30 @@ def test_ppo_trains_on_dict_observations():
     after = list(model.policy.parameters())
     assert all(bool(torch.isfinite(p).all()) for p in after)
     assert any(not torch.equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+def test_vizdooms_ids_are_a_batch_of_gymnasiums():
+    """Through the end of an episode, also its last observation and whether time truncated it."""
+    settings: dict = {"look": "plain", "height": 12, "width": 16}
+    settings |= {"frame_skip": 4, "episode_timeout": 8}
+    id = "jaxenstein/VizdoomHealthGathering-MultiBinary-v1"
+    ours = SB3VecEnv(id, num_envs=2, **settings)
+    theirs = make_vec_env(id, 2, env_kwargs=settings)
+    assert ours.action_space == theirs.action_space
+    assert ours.observation_space == theirs.observation_space
+    seen = []
+    for venv in (ours, theirs):
+        venv.seed(3)
+        seen.append(venv.reset())
+    action, ends = np.array([[0, 1, 0], [1, 0, 1]], np.int8), 0
+    for _ in range(3):
+        np.testing.assert_equal(*seen)
+        (mine, *told, infos), (other, *expected, last) = (v.step(action) for v in (ours, theirs))
+        np.testing.assert_equal(told, expected)
+        for info, wanted in zip(infos, last, strict=True):
+            assert info["TimeLimit.truncated"] == wanted["TimeLimit.truncated"]
+            assert ("terminal_observation" in info) == ("terminal_observation" in wanted)
+            ends += "terminal_observation" in info
+            np.testing.assert_equal(*(one.get("terminal_observation", 0) for one in (info, wanted)))
+        seen = [mine, other]
+    assert ends == 2

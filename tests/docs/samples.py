@@ -37,6 +37,8 @@ class Sample(NamedTuple):
     def partners(self) -> list[str]:
         """The imported packages that may be missing."""
         found = re.findall(r"^(?:import|from) (\w+)", self.code, re.MULTILINE)
+        # ViZDoom's ids read its pictures.
+        found += ["vizdoom"] if "jaxenstein/Vizdoom" in self.code else []
         return sorted({name for name in found if name not in ALWAYS_INSTALLED})
 
     def run(self, names: dict[str, Any]) -> None:
@@ -48,12 +50,18 @@ class Sample(NamedTuple):
 
 
 def samples(page: Path) -> list[Sample]:
-    """The Python blocks of a page."""
+    """The Python blocks of a page; of a change, the programs before it and after it."""
     text = page.read_text("utf-8")
-    return [
-        Sample(page, text.count("\n", 0, match.start(1)) + 1, match[1])
-        for match in re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-    ]
+    found = []
+    for match in re.finditer(r"^```(python|diff)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        codes = [match[2]]
+        if match[1] == "diff":
+            # The lines of the other side stay as empty ones.
+            codes = [re.sub(f"^[{side}].*", "", match[2], flags=re.MULTILINE) for side in "+-"]
+            codes = [re.sub("^[ +-]", "", code, flags=re.MULTILINE) for code in codes]
+        line = text.count("\n", 0, match.start(2)) + 1
+        found += [Sample(page, line, code) for code in codes]
+    return found
 
 
 def commands(page: Path) -> list[list[str]]:

@@ -58,6 +58,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         params: Any = None,
         *,
         render_mode: str | None = None,
+        interface: Interface | None = None,
         **settings: Any,
     ) -> None:
         """Wrap an environment, or make one.
@@ -69,6 +70,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             render_mode: `"rgb_array"`: `render` returns uint8[height, width, 3], whatever the
                 kind of observation; `"human"`: a window shows every reset and step (needs the
                 extra `play`).
+            interface: the form of actions and observations; None for the environment's own.
             **settings: settings of `make` and params by name, such as `max_steps_in_episode`;
                 only with an id.
 
@@ -82,8 +84,10 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         self._batch = Batch(env, params, autoreset=None)
         self.env, self.params = self._batch.env, self._batch.params
         self.render_mode = render_mode
-        self.observation_space = gymnasium_space(self.env, params)
-        self.action_space = gymnasium.spaces.Discrete(self.env.num_actions)
+        self._interface = interface = interface or Interface(self.env, params)
+        self.observation_space = interface.observation_space
+        self.action_space = interface.action_space
+        self.metadata = self.metadata | {"render_fps": interface.render_fps}
         self._observation: Any = None
         self._over = True
         self._screen: _Screen | None = None
@@ -91,15 +95,12 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode.
+        """Start an episode; returns the observation and the info: numpy scalars, bools, arrays.
 
         Args:
             seed: restarts the random stream, 0 to 2**64 - 1; None continues it. A first reset
                 without a seed takes one from `np_random`.
             options: ignored.
-
-        Returns:
-            The observation and the info: numpy scalars, bools, and arrays.
 
         Raises:
             SettingError: the seed is invalid.
@@ -112,9 +113,9 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         self._over = False
         if self.render_mode == "human":
             self.render()
-        return _first(self._observation), _first_info(info)
+        return self._told(), _first_info(info)
 
-    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Take a step.
 
         Raises:
@@ -124,13 +125,13 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         if self._over:
             state = "has not started" if not self._batch.begun else "is over"
             raise gymnasium.error.ResetNeeded(f"the episode {state}: call reset before step")
-        actions = checked_actions(np.asarray(action)[None], 1, self.env.num_actions)
-        stepped = self._batch.step_one(actions)
+        stepped = self._batch.step_one(self._interface.actions(_batched(action), 1))
         self._observation, reward, terminated, truncated, info = stepped
         self._over = terminated or truncated
         if self.render_mode == "human":
             self.render()
-        return _first(self._observation), float(reward), terminated, truncated, info
+        ends = self._interface.ends(terminated, truncated)
+        return self._told(), float(reward), *ends, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The frame as uint8[height, width, 3], or shown in a window; see `render_mode`.
@@ -142,18 +143,62 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         if self.render_mode is None:
             return warn_of_no_render_mode(self)
         frame = frames(self._batch, self._observation)[0]
+        frame = self._interface.frames(frame, np.bool_(self._over))
         if self.render_mode == "rgb_array":
             return frame
         if self._screen is None:
-            self._screen = _Screen(self.env.name, *frame.shape[:2])
+            height, width, _ = frame.shape
+            pace = self._interface.render_fps
+            self._screen = _Screen(self.env.name, height, width, pace)
         self._screen.show(frame)
         return None
+
+    def _told(self) -> Any:
+        return self._interface.observation(_first(self._observation), np.bool_(self._over))
 
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._screen is not None:
             self._screen.close()
             self._screen = None
+
+
+class Interface:
+    """How Gymnasium sees an environment: actions, observations and ends. This one changes nothing.
+
+    Attributes:
+        observation_space, action_space: the spaces of one environment.
+    """
+
+    render_fps: int = RENDER_FPS
+
+    def __init__(self, env: AnyEnvironment, params: Any) -> None:
+        """Set the spaces."""
+        self.observation_space: gymnasium.Space[Any] = gymnasium_space(env, params)
+        self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Discrete(env.num_actions)
+        self._count = env.num_actions
+
+    def actions(self, actions: Any, count: int) -> np.ndarray:
+        """int32[count]: the environment's numbers of `count` actions.
+
+        Raises:
+            gymnasium.error.InvalidAction: an action is not in the action space.
+        """
+        return checked_actions(actions, count, self._count)
+
+    def observation(self, observation: Any, over: np.ndarray | np.bool_) -> Any:
+        """Observations [...] in NumPy, where bool[...] `over` marks the last ones of episodes."""
+        del over
+        return observation
+
+    def frames(self, frames: np.ndarray, over: np.ndarray | np.bool_) -> np.ndarray:
+        """Images for `render`, uint8[..., height, width, 3]."""
+        del over
+        return frames
+
+    def ends(self, terminated: Any, truncated: Any) -> tuple[Any, Any]:
+        """The two ends, each a bool or bool[N]."""
+        return terminated, truncated
 
 
 def resolve(
@@ -265,6 +310,13 @@ def frames(batch: Batch, observation: Any = None) -> np.ndarray:
     return np.array(batch.observe(coloured))
 
 
+def _batched(action: Any) -> Any:
+    """An action with a leading axis of 1."""
+    if isinstance(action, dict):
+        return {name: np.asarray(part)[None] for name, part in action.items()}
+    return np.asarray(action)[None]
+
+
 def _first(tree: Any) -> Any:
     """The only entry of a batch, as new numpy arrays."""
     return jax.tree.map(lambda leaf: np.array(np.asarray(leaf)[0]), tree)
@@ -280,19 +332,19 @@ def _first_info(info: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 
 class _Screen:
-    """A window that shows a frame at most every 1 / `RENDER_FPS` seconds."""
+    """A window that shows at most `pace` frames a second."""
 
-    def __init__(self, title: str, height: int, width: int) -> None:
+    def __init__(self, title: str, height: int, width: int, pace: int) -> None:
         from ..interactive.window import GAP, Window
 
         scale = math.ceil(WINDOW / max(height, width))
         self._window = Window(title, (width * scale + 2 * GAP, height * scale + 2 * GAP))
-        self._due = 0.0
+        self._pace, self._due = pace, 0.0
 
     def show(self, frame: np.ndarray) -> None:
         """Show uint8[height, width, 3]."""
         time.sleep(max(0.0, self._due - time.monotonic()))
-        self._due = time.monotonic() + 1 / RENDER_FPS
+        self._due = time.monotonic() + 1 / self._pace
         self._window.events()  # otherwise the desktop reports the window as not responding
         self._window.show(frame)
 

@@ -14,11 +14,10 @@ from ..fields import check_whole, is_whole
 from .batch import Batch, Ended, seeds_of
 from .gymnasium import (
     RENDER_FPS,
+    Interface,
     check_render_mode,
-    checked_actions,
     frames,
     gymnasium,
-    gymnasium_space,
     resolve,
     warn_of_no_render_mode,
 )
@@ -63,6 +62,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         copy: bool = False,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
+        interface: Interface | None = None,
         **settings: Any,
     ) -> None:
         """Wrap N environments of one kind, or make them.
@@ -81,6 +81,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
             render_mode: `"rgb_array"` or None.
             max_episode_steps: shortens the time limit `max_steps_in_episode`; each step counts as
                 `frame_skip` world steps.
+            interface: the form of actions and observations; None for the environment's own.
             **settings: settings of `make` and params by name; only with an id.
 
         Raises:
@@ -94,11 +95,13 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
             params = _shortened(params, max_episode_steps, env.frame_skip)
         self._batch = Batch(env, params, num_envs, autoreset=_MODES[self.autoreset_mode])
         self.env, self.params = self._batch.env, self._batch.params
-        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.num_envs = num_envs = self._batch.num_envs
         self.render_mode = render_mode
-        self.single_observation_space = gymnasium_space(self.env, params)
-        self.single_action_space = gymnasium.spaces.Discrete(self.env.num_actions)
+        self._interface = interface = interface or Interface(self.env, params)
+        told = {"autoreset_mode": self.autoreset_mode, "render_fps": interface.render_fps}
+        self.metadata = self.metadata | told
+        self.single_observation_space = interface.observation_space
+        self.single_action_space = interface.action_space
         batch_space = gymnasium.vector.utils.batch_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -139,13 +142,13 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         chosen = np.ones(self.num_envs, bool) if mask is None else np.array(mask)
         self._described = set(info)
         self._over &= ~chosen
-        return self._numpy(self._observation), _spread(_taken(info, chosen), chosen)
+        return self._told(), _spread(_taken(info, chosen), chosen)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all environments.
 
         Args:
-            actions: integers [N] of the action space.
+            actions: one of the action space, such as integers [N].
 
         Returns:
             observations; float64[N] rewards; bool[N] terminations; bool[N] truncations; infos,
@@ -155,11 +158,10 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         Raises:
             gymnasium.error.ResetNeeded: `reset` was not called, or automatic resets are disabled
                 and an episode is over.
-            gymnasium.error.InvalidAction: an action is not an integer of the action space.
+            gymnasium.error.InvalidAction: an action is not in the action space.
         """
         self._check_order()
-        number = self.env.num_actions
-        out = self._batch.step(checked_actions(actions, self.num_envs, number))
+        out = self._batch.step(self._interface.actions(actions, self.num_envs))
         self._observation = out.observation
         terminated, truncated = out.terminated, out.truncated
         began = (
@@ -171,19 +173,20 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
         infos: dict[str, Any] = {}
         if out.ended is not None:
             began, self._over = self._over, began
-            infos = _final(out.ended, began)
+            infos = _final(out.ended, began, self._interface)
         every = np.ones(self.num_envs, bool)
         for name, value in out.info.items():
             shown = every if name in self._described else ~began
             infos |= _spread({name: value}, shown)
         rewards = out.reward.astype(np.float64)
-        return self._numpy(self._observation), rewards, terminated, truncated, infos
+        return self._told(), rewards, *self._interface.ends(terminated, truncated), infos
 
     def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
         """The frames, each uint8[height, width, 3]."""
         if self.render_mode is None:
             return warn_of_no_render_mode(self)
-        return tuple(frames(self._batch, self._observation))
+        images = frames(self._batch, self._observation)
+        return tuple(self._interface.frames(images, self._over))
 
     def _check_order(self) -> None:
         if not self._batch.begun:
@@ -195,8 +198,9 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
                 "reset(options={'reset_mask': terminations | truncations})"
             )
 
-    def _numpy(self, observation: Any) -> Any:
-        return jax.tree.map(self._to_numpy, observation)
+    def _told(self) -> Any:
+        observation = jax.tree.map(self._to_numpy, self._observation)
+        return self._interface.observation(observation, self._over)
 
 
 def _mode(mode: Any) -> AutoresetMode:
@@ -232,12 +236,13 @@ def _pair(name: str, value: Any, mask: np.ndarray) -> tuple[tuple[str, Any], tup
     return (name, value), (f"_{name}", mask.copy())
 
 
-def _final(ended: Ended[np.ndarray], mask: np.ndarray) -> dict[str, Any]:
+def _final(ended: Ended[np.ndarray], mask: np.ndarray, interface: Interface) -> dict[str, Any]:
     """The infos of the last states of the episodes that a step ended."""
     count = mask.size
+    told = interface.observation(ended.observation, np.ones(ended.indices.shape, bool))
     last = np.full(count, None, object)
     for at, index in enumerate(ended.indices):
-        last[index] = jax.tree.map(lambda leaf, at=at: np.asarray(leaf[at]), ended.observation)
+        last[index] = jax.tree.map(lambda leaf, at=at: np.asarray(leaf[at]), told)
     info = {}
     for name, value in ended.info.items():
         info[name] = np.zeros((count, *value.shape[1:]), value.dtype)

@@ -8,12 +8,28 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 from types import ModuleType
+from typing import Any
 
 from ..registry import ALIASES, ENTRIES, LISTENERS
 
 NAMESPACE = "jaxenstein"
 _SINGLE = "jaxenstein.adapters.gymnasium:GymnasiumEnv"
 _VECTOR = "jaxenstein.adapters.gymnasium_vector:GymnasiumVectorEnv"
+_VIZDOOM = "jaxenstein.adapters.vizdoom_ids:vizdoom_{}env"
+VIZDOOM_VERSION = 1
+VIZDOOM_SCENARIOS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "Basic": ("doom-basic", ("ammo",)),
+    "DeadlyCorridor": ("doom-deadly-corridor", ("health",)),
+    "DefendCenter": ("doom-defend-the-center", ("ammo", "health")),
+    "DefendLine": ("doom-defend-the-line", ("ammo", "health")),
+    "HealthGathering": ("doom-health-gathering", ("health",)),
+    "MyWayHome": ("doom-my-way-home", ()),
+    "PredictPosition": ("doom-predict-position", ()),
+    "TakeCover": ("doom-take-cover", ("health",)),
+    "Deathmatch": ("doom-deathmatch", ("killed", "health", "armour", "weapon", "ammo")),
+    "HealthGatheringSupreme": ("doom-health-gathering-supreme", ("health",)),
+}
+"""The names of scenarios in ViZDoom's ids, with our ids and our names of the game variables."""
 
 
 def gymnasium_ids() -> dict[str, str]:
@@ -22,16 +38,31 @@ def gymnasium_ids() -> dict[str, str]:
     return {f"{NAMESPACE}/{new}-v{ENTRIES[ours].version}": ours for new, ours in names.items()}
 
 
+def vizdoom_ids() -> dict[str, dict[str, Any]]:
+    """ViZDoom's ids, such as `jaxenstein/VizdoomBasic-v1`, with their arguments."""
+    return {
+        f"{NAMESPACE}/Vizdoom{name}{end}-v{VIZDOOM_VERSION}": {
+            "scenario": name,
+            "max_buttons_pressed": most,
+        }
+        for name in VIZDOOM_SCENARIOS
+        for end, most in (("", 1), ("-MultiBinary", 0))
+    }
+
+
 def register() -> None:
     """Register all environments with Gymnasium, except those that are already registered."""
     import gymnasium
 
-    for id, name in gymnasium_ids().items():
-        if id not in gymnasium.registry:
-            # The environment has its own time limit, so there is no `max_episode_steps`.
-            gymnasium.register(
-                id, entry_point=_SINGLE, vector_entry_point=_VECTOR, kwargs={"env": name}
-            )
+    kinds = (
+        (_SINGLE, _VECTOR, {id: {"env": name} for id, name in gymnasium_ids().items()}),
+        (_VIZDOOM.format(""), _VIZDOOM.format("vector_"), vizdoom_ids()),
+    )
+    for single, vector, ids in kinds:
+        for id, kwargs in ids.items():
+            if id not in gymnasium.registry:
+                # The environment has its own time limit, so there is no `max_episode_steps`.
+                gymnasium.register(id, entry_point=single, vector_entry_point=vector, kwargs=kwargs)
 
 
 def register_once_imported() -> None:

@@ -30,7 +30,8 @@ except ImportError as error:
         f"Stable-Baselines3 is not installed ({error}): pip install 'jaxenstein[sb3]'"
     ) from error
 
-from .gymnasium import check_render_mode, frames, gymnasium_space, resolve
+from .gymnasium import Interface, check_render_mode, frames, resolve
+from .registration import vizdoom_ids
 
 Indices = None | int | Iterable[int]
 
@@ -63,8 +64,9 @@ class SB3VecEnv(VecEnv):
         """Create `num_envs` environments; compiles and renders nothing before `reset`.
 
         Args:
-            env: an environment, whose own `autoreset` and `final_observation` do not matter, or
-                an id for `jaxenstein.make`.
+            env: an environment, whose own `autoreset` and `final_observation` do not matter, an
+                id for `jaxenstein.make`, or one of ViZDoom's such as
+                `"jaxenstein/VizdoomBasic-v1"`.
             params: the params, each one number for all environments, an array with a leading axis
                 N, or a range from which each episode draws; None for the default params.
             num_envs: N, at least 1.
@@ -76,13 +78,22 @@ class SB3VecEnv(VecEnv):
             SettingError: a setting or param does not exist, or its value is invalid.
             UnknownEnvironmentError: the id does not exist.
         """
-        env, params = resolve(env, params, settings)
+        self._interface: Interface | None = None
+        ids = vizdoom_ids()
+        if isinstance(env, str) and env in ids:
+            from .vizdoom_ids import made
+
+            env, params, self._interface = made(params, **(ids[env] | settings))
+        else:
+            env, params = resolve(env, params, settings)
+        assert not isinstance(env, str)
+        seen = self._interface or Interface(env, params)
         check_render_mode(env, render_mode, ["rgb_array"])
         self.batch = Batch(env, params, num_envs)
         self.render_mode = render_mode
         self._began = time.time()
         self._actions: Any = None
-        super().__init__(num_envs, _space(env, params), spaces.Discrete(env.num_actions))
+        super().__init__(num_envs, _with_channels(seen.observation_space), seen.action_space)
 
     def reset(self) -> Any:
         """Start new episodes in all environments; seeds from `seed` apply only to this reset."""
@@ -91,12 +102,12 @@ class SB3VecEnv(VecEnv):
         observation, info = self.batch.reset(self._seeds)
         self._reset_seeds()
         self.reset_infos = _rows(info, self.num_envs)
-        return _writable(observation)
+        return self._told(_writable(observation))
 
     def step_async(self, actions: np.ndarray) -> None:
         """Store the actions for `step_wait`: integers [N].
 
-        Actions outside the action space do nothing.
+        Actions outside the action space do nothing. In ViZDoom's ids they are an error.
         """
         self._actions = actions
 
@@ -112,14 +123,18 @@ class SB3VecEnv(VecEnv):
         if self._actions is None:
             raise SettingError("call step_async before step_wait")
         actions, self._actions = self._actions, None
+        if self._interface is not None:
+            actions = self._interface.actions(actions, self.num_envs)
         stepped = self.batch.step(actions)
         reward, terminated, truncated = stepped[1:4]
+        if self._interface is not None:
+            terminated, truncated = self._interface.ends(terminated, truncated)
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in reward]
         if stepped.ended is not None:
             cut = truncated & ~terminated
             for i, info in self._endings(stepped.ended):
                 infos[i] = info | {"TimeLimit.truncated": bool(cut[i])}
-        return _writable(stepped.observation), reward, terminated | truncated, infos
+        return self._told(_writable(stepped.observation)), reward, terminated | truncated, infos
 
     def close(self) -> None:
         """Drop the episodes; call `reset` to use the environments again."""
@@ -207,7 +222,7 @@ class SB3VecEnv(VecEnv):
         """The index of each environment whose episode ended, with its info."""
         seconds = round(time.time() - self._began, 6)
         count = ended.indices.size
-        last = _rows(_with_channel(ended.observation), count)
+        last = _rows(self._told(_with_channel(ended.observation), over=True), count)
         for i, info, observation in zip(
             ended.indices.tolist(), _rows(ended.info, count), last, strict=True
         ):
@@ -217,6 +232,12 @@ class SB3VecEnv(VecEnv):
             success = {"is_success": bool(info["success"])}
             last_of = {"terminal_observation": observation, "episode": episode}
             yield i, info | success | last_of
+
+    def _told(self, observation: Any, over: bool = False) -> Any:
+        """Observations in the form of the id; `over` if they are the last ones of episodes."""
+        if self._interface is None:
+            return observation
+        return self._interface.observation(observation, np.bool_(over))
 
     def _param(self, name: str) -> np.ndarray:
         """[N, ...]: a param for each environment."""
@@ -232,8 +253,8 @@ class SB3VecEnv(VecEnv):
         return [i % self.num_envs for i in chosen]
 
 
-def _space(env: AnyEnvironment, params: Any) -> spaces.Space:
-    """The observation space, with a channel axis for images of one channel."""
+def _with_channels(space: spaces.Space) -> spaces.Space:
+    """An observation space, with a channel axis for images of one channel."""
 
     def add(space: spaces.Space) -> spaces.Space:
         if isinstance(space, spaces.Dict):
@@ -242,7 +263,7 @@ def _space(env: AnyEnvironment, params: Any) -> spaces.Space:
             return spaces.Box(0, 255, (*space.shape, 1), np.uint8)
         return space
 
-    return add(gymnasium_space(env, params))
+    return add(space)
 
 
 def _lacks_channel(shape: tuple[int, ...], dtype: Any) -> bool:

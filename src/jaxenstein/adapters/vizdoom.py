@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
-import math
 from collections.abc import Callable
 from typing import Any, SupportsIndex
 
@@ -22,8 +20,6 @@ from ..environment import AnyEnvironment
 from ..episodes.policies import Policy
 from ..episodes.session import NO_OP, Session, check_seed, whole_action
 from ..errors import SettingError, quoted
-from ..tasks.doom.fixed import to_fixed
-from ..tasks.doom.parts import Game
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
 from .batch import checked_seed
@@ -38,6 +34,7 @@ from .vizdoom_buffers import (
     running,
     screen_for,
 )
+from .vizdoom_state import told_by, with_pose
 
 
 def check_scenario(env: AnyEnvironment) -> str:
@@ -217,27 +214,6 @@ class GameSession(Session):
                 variables = jax.device_get(self.env.variables(self.state))
                 self.observation = {"image": image, **variables}
 
-    def _read_game(self, health: int, values: list[int]) -> Game:
-        """The variables of the game other than the pose."""
-        rows = [
-            (
-                to_fixed(o.position_x),
-                to_fixed(o.position_y),
-                o.id,
-                _turns(o.angle),
-                to_fixed(math.hypot(o.velocity_x, o.velocity_y)),
-            )
-            for o in self._seen.objects
-        ]
-        return Game(
-            names=tuple(o.name for o in self._seen.objects),
-            objects=np.array(rows, np.int64).reshape(-1, 5),
-            variables={
-                "HEALTH": health,
-                **dict(zip(self.env.game_variables, values, strict=True)),
-            },
-        )
-
     @property
     def told(self) -> Any:
         """Our state for what the game shows, in numpy, without `position` and `heading`.
@@ -246,35 +222,18 @@ class GameSession(Session):
         """
         if self._told is not None:
             return self._told
-        x, y, angle, dx, dy, health, *rest = (float(v) for v in self._seen.game_variables)
-        state = self._first.replace(
-            fixed_position=np.array((to_fixed(x), to_fixed(y)), np.int32),
-            fixed_velocity=np.array((to_fixed(dx), to_fixed(dy)), np.int32),
-            angle=np.uint32(_turns(angle)),
-            time=np.int32(len(self.actions) * self.env.frame_skip),
-        )
-        game = self._read_game(round(health), list(map(round, rest)))
-        self._told = self.env.from_game(state, game)
+        names = (*VARIABLES, *self.env.game_variables)
+        values = dict(zip(names, map(float, self._seen.game_variables), strict=True))
+        time = len(self.actions) * self.env.frame_skip
+        self._told = told_by(self.env, self._first, self._seen.objects, values, time)
         return self._told
 
     @property
     def state(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Our state for what the game shows."""
         if self._state is None:
-            told = self.told
-            pose = told.fixed_position, told.fixed_velocity, told.angle
-            self._state = _at_pose(self.env, told, *pose)
+            self._state = with_pose(self.env, self.told)
         return self._state
-
-
-def _turns(angle: float) -> int:
-    """Degrees as a 32-bit angle of the game, which counts 2**32 - 1 units per turn."""
-    return round(angle / 360 * (2**32 - 1)) % 2**32
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _at_pose(env: Any, state: Any, position: Any, velocity: Any, angle: Any) -> Any:
-    return env.at_pose(state, position, velocity, angle)
 
 
 def _walls_ahead(env: Any, state: Any, params: Any) -> np.ndarray:
