@@ -79,11 +79,11 @@ def ours(
 def billboards(env: Any, view: View, count: int) -> Sprites:
     """The things of a view in our pictures: those with the nearest height; unknown ones are not."""
     places, rows, visible = np.zeros((count, 2), np.int32), np.zeros(count, np.int32), []
-    table = env.game_pictures.views
+    table = env.game.views
     for number, (look, x, y, z) in enumerate(view.things):
         same = [
             (abs(own.height * ONE - z), index)
-            for index, own in enumerate(env.game_looks)
+            for index, own in enumerate(env.game.looks)
             if (own.sprite, own.letter) == (look.sprite, look.frame)
         ]
         visible.append(bool(same))
@@ -96,9 +96,9 @@ def billboards(env: Any, view: View, count: int) -> Sprites:
 
 def over(env: Any, view: View) -> Held | None:
     """The weapon of a view."""
-    if env.weapon_look is None:
+    if env.game.weapon is None:
         return None
-    known, held = env.weapon_look.pictures(), [*reversed(view.held)]
+    known, held = env.game.weapon.pictures(), [*reversed(view.held)]
     pictures = [known.index((one.sprite, one.frame)) for one in held]
     places = [(one.x / ONE, one.y / ONE) for one in held]
     lacking = 2 - len(held)

@@ -49,7 +49,7 @@ from .doom.physics import ALL_MOVES
 from .doom.players import HUNT, tiles_of
 from .doom.projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .doom.respawn import asleep
-from .doom.scenario import DoomScenario, Room
+from .doom.scenario import DoomScenario
 from .doom.text_map import (
     TILE,
     Goals,
@@ -60,6 +60,7 @@ from .doom.text_map import (
     read_text,
     things_of,
 )
+from .doom.view import Room
 from .doom.weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Weapon
 from .health import FULL_HEALTH
 from .steering import heading_range

@@ -119,9 +119,9 @@ def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
     built: Any
     one, params = made(64, 64)
     other, _ = made(84, 84)
-    assert one.game_theme.textures.atlas is other.game_theme.textures.atlas
+    assert one.game.theme.textures.atlas is other.game.theme.textures.atlas
     own = jaxenstein.make("doom-my-way-home", look="game", wad=str(pictures.path))[0]
-    assert own.game_theme.textures.atlas is one.game_theme.textures.atlas
+    assert own.game.theme.textures.atlas is one.game.theme.textures.atlas
     built, _ = spec_of(own, params).build()
     assert (built.look, built.wad) == ("game", str(pictures.path))
 

@@ -83,12 +83,13 @@ def ours(pictures: Wad, height: int, width: int) -> np.ndarray:
     env = DoomDefendTheCenter(height=height, width=width)
     textures = game_pictures(str(pictures.path), MAP, (Look("ARM1"),), None, env.unit)[0]
     theme = env.theme.replace(textures=textures.replace(sampling=sampling(height, width)))
+    level = env.level.replace(free_walls=free_walls(env.doom_map, env.tiles))
 
     def look(place: jax.Array, lift: jax.Array, angle: jax.Array) -> jax.Array:
         cosine, sine = direction(angle)
         heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
         position, doors = env.to_tiles(place), jnp.zeros(0, bool)
-        scene = Scene(env.game_level, doors, position, heading, no_sprites(), theme, lift)
+        scene = Scene(level, doors, position, heading, no_sprites(), theme, lift)
         return render(scene, env.camera)
 
     places = np.array([(pose.x, pose.y) for pose in POSES], np.int32)

@@ -24,11 +24,13 @@ from .arsenal import Arsenal
 from .fixed import ONE
 from .game_things import Look, Shown
 from .monster_kinds import CACODEMON
+from .motion import held_bits, held_buttons, moved
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
+from .pose import DoomState
 from .projectiles import Missiles, Projectiles, launch, rockets, with_player
-from .scenario import DoomScenario, DoomState, Room
-from .view import OCHRE, SLATE, TAN, TILES
+from .scenario import DoomScenario
+from .view import OCHRE, SLATE, TAN, TILES, Room
 from .weapons import PISTOL, ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
 # The monster is on the line x = 0, between these two y.
@@ -184,9 +186,9 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
         """Shoot, then move."""
         over, origin = state.killed, state.fixed_position
         bits = jax.random.bits(key, (), jnp.uint32)
-        attack = jnp.asarray(self.pressed(action).attack)
-        state, fires = self.arsenal.tic(state, attack, self.held(action))
-        state, _ = self.moved(state, action)
+        attack = jnp.asarray(held_buttons(self, action).attack)
+        state, fires = self.arsenal.tic(state, attack, held_bits(self, action))
+        state, _ = moved(self, state, action)
         widths = np.array([HALF_WIDTH], np.int32)
         targets = state.target[None], widths, ~state.killed[None]
         if state.rockets is None:

@@ -44,8 +44,8 @@ from .pickups import REACH
 from .players import HUNT, tiles_of
 from .projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .respawn import invaded, words
-from .scenario import DoomScenario, Room
-from .view import CEILING, CLAY
+from .scenario import DoomScenario
+from .view import CEILING, CLAY, Room
 from .weapons import BULLETS, FIST, PISTOL, ROCKET_LAUNCHER, SHELLS, SHOOTING, SLOTS
 
 # For each kind: the reward of its death, its chance to appear in 65536ths, and the most of it.

@@ -27,8 +27,8 @@ from .parts import Health, Part
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .players import TURN_AND_SHOOT
 from .respawn import absent, replaced, woken
-from .scenario import DoomScenario, Room
-from .view import CEILING, GREY
+from .scenario import DoomScenario
+from .view import CEILING, GREY, Room
 from .weapons import PISTOL, SHOOTING, Slot
 
 # The distance at which monsters appear, in map units.

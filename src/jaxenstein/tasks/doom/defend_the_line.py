@@ -25,8 +25,8 @@ from .parts import Health, Part
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import absent, replaced, woken
-from .scenario import DoomScenario, Room
-from .view import CRATES
+from .scenario import DoomScenario
+from .view import CRATES, Room
 from .weapons import PISTOL, Slot
 
 # Imps and demons are at this x, at these y.

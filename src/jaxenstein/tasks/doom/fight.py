@@ -19,9 +19,11 @@ from .fixed import ONE, byte, roll
 from .monster_ai import act
 from .monster_attacks import attack, throws
 from .monsters import FEW, Horde, Monsters
+from .motion import held_bits, held_buttons, moved
 from .physics import Reached
+from .pose import DoomState
 from .projectiles import Missiles, Projectiles, launch, throw, with_player
-from .scenario import DoomScenario, DoomState
+from .scenario import DoomScenario
 from .weapons import Trigger, Weapon
 
 # The damage of a rocket's blast, and its reach in map units.
@@ -96,9 +98,9 @@ def fight(
         return jnp.any(met & before.living)
 
     origin = state.fixed_position
-    state, reached = scenario.moved(state, action, bodies)
-    pressed = jnp.asarray(scenario.pressed(action).attack)
-    state, fires = arsenal.tic(state, pressed, scenario.held(action))
+    state, reached = moved(scenario, state, action, bodies)
+    pressed = jnp.asarray(held_buttons(scenario, action).attack)
+    state, fires = arsenal.tic(state, pressed, held_bits(scenario, action))
     pellets = bits[-1:, 0]
     if arsenal.rays > 1:
         pellets = jax.random.bits(jax.random.fold_in(key, 1), (arsenal.rays,), jnp.uint32)

@@ -21,12 +21,14 @@ from ..health import FULL_HEALTH, about_health
 from .collision import LATTICE, Geometry
 from .fixed import ONE
 from .maps import MAP_SPOT, START
+from .motion import moved
 from .parts import Health, Part
 from .physics import FORWARD, TURN_LEFT, TURN_RIGHT
 from .pickups import Pickup, Pickups
 from .players import NEIGHBOURS, free_nodes, nearest_node, walker
-from .scenario import ANY_ANGLE, DoomScenario, DoomState, Room
-from .view import ACID, CEILING, MEDKIT_BOX, Picture
+from .pose import ANY_ANGLE, DoomState
+from .scenario import DoomScenario
+from .view import ACID, CEILING, MEDKIT_BOX, Picture, Room
 
 _MEDKIT, _BOTTLE = things.MEDKIT.label, Picture("bottle", 15.3, (72, 112, 80), (110, 140, 66))
 _SMALL = (
@@ -158,7 +160,7 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
         time = state.time + 1
         hurt = time % jnp.maximum(params.damage_period, 1) == 0
         health = jnp.maximum(state.health - jnp.where(hurt, params.damage, 0), 0)
-        state, reached = self.moved(state, action)
+        state, reached = moved(self, state, action)
         state, counts = self.pickups.take(state, health, reached)
         state = self.pickups.appear(state, key, time)
         dead = state.health <= 0

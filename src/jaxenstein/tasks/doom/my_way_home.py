@@ -22,11 +22,13 @@ from .fixed import ONE
 from .game_look import gilded
 from .items import Goal
 from .maps import ARMOUR, MAP_SPOT
+from .motion import moved
 from .parts import Part
 from .physics import FORWARD, MOVE_LEFT, MOVE_RIGHT, TURN_LEFT, TURN_RIGHT, touches
 from .players import NEIGHBOURS, free_nodes, nearest_node, walker
-from .scenario import ANY_ANGLE, DoomScenario, DoomState, Room
-from .view import BROWN
+from .pose import ANY_ANGLE, DoomState
+from .scenario import DoomScenario
+from .view import BROWN, Room
 
 # The sum of the half-widths of the player and of the armour.
 REACH = 16 + 20
@@ -132,7 +134,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
         """Move, and check whether the armour was touched."""
         del key
         leaves = state.taken
-        state, places = self.moved(state, action)
+        state, places = moved(self, state, action)
         reached = touches(places, jnp.asarray(self.goal.place), REACH) & ~leaves
         reward = params.living_reward + jnp.where(reached, params.goal_reward, 0)
         state = state.replace(taken=leaves | reached)

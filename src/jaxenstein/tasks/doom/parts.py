@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info
 from .game_things import ANIMATIONS, Look, Shown, looks_at, looks_of
@@ -139,3 +140,24 @@ class Health(Part):
     def from_game(self, state: Any, game: Game) -> Any:
         """Read the game's health."""
         return state.replace(health=np.int32(game.variables["HEALTH"]))
+
+
+def billboards(
+    parts: Sequence[Part], state: Any, to_tiles: Callable[[jax.Array], jax.Array]
+) -> SceneSprites:
+    """The sprites of all parts for the renderer.
+
+    Args:
+        parts: the parts.
+        state: the state.
+        to_tiles: a function from places int32[N, 2], in 16.16, to float32[N, 2] in tiles.
+    """
+    places, pictures, visible, first = [], [], [], 0
+    for part in parts:
+        if shown := part.sprites(state):
+            places.append(shown.places)
+            pictures.append(shown.pictures + np.int32(first))
+            visible.append(shown.visible)
+        first += sum(len(thing.pictures) for thing in part.objects)
+    position = to_tiles(jnp.concatenate(places))
+    return SceneSprites(position, jnp.concatenate(pictures), jnp.concatenate(visible))

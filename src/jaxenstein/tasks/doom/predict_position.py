@@ -23,12 +23,14 @@ from .fixed import ONE
 from .monster_ai import approximate, walk
 from .monster_kinds import CACODEMON
 from .monsters import Horde, Monsters
+from .motion import held_bits, held_buttons, moved
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .players import off_by
+from .pose import DoomState
 from .projectiles import Missiles, Projectiles, launch, rockets, with_player
-from .scenario import DoomScenario, DoomState, Room
-from .view import STEEL, TUBES
+from .scenario import DoomScenario
+from .view import STEEL, TUBES, Room
 from .weapons import ROCKET_LAUNCHER, SHOOTING, Slot, Trigger
 
 # The monster: map units per step, where it turns back and how close to that, the lines on which it
@@ -199,9 +201,9 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         bits = jax.random.bits(key, (2,), jnp.uint32)
         over = state.killed | (state.waits == 1)
         origin = state.fixed_position
-        state, _ = self.moved(state, action)
-        attack = jnp.asarray(self.pressed(action).attack)
-        state, fires = self.arsenal.tic(state, attack, self.held(action))
+        state, _ = moved(self, state, action)
+        attack = jnp.asarray(held_buttons(self, action).attack)
+        state, fires = self.arsenal.tic(state, attack, held_bits(self, action))
         state = self.patrol(state, bits[1])
         target = state.monsters.position, self.horde.half_width, ~state.killed[None]
         flying = launch(state.rockets, ROCKET_LAUNCHER, fires, origin, state.angle)

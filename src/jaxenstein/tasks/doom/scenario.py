@@ -5,10 +5,9 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-import math
 import os
 from pathlib import Path
-from typing import ClassVar, Literal, NamedTuple, TypeVar
+from typing import ClassVar, Literal, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -17,86 +16,36 @@ import numpy as np
 from ...engine.camera import Camera
 from ...engine.level import Level
 from ...engine.scene import Scene, Theme
-from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
-from ...environment import Info, Params, State
-from ...errors import SettingError, quoted
+from ...environment import Info, Params
 from ...fields import choice, number, of_form
-from ...maps.things import RGB
 from ...maps.tilemap import TileMap
 from ...spaces import Box
-from ..draws import sample_index
 from ..first_person import FirstPerson
-from ..health import FULL_HEALTH
-from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
+from ..hud import strip_rows
 from .arsenal import Arsenal
 from .collision import Geometry, load_geometry
-from .fixed import FRACTION_BITS, ONE, direction, to_fixed
-from .game_look import GAME_FOCAL_SHARE, GamePictures, game_pictures, sampling, screen_of
-from .game_things import Look
-from .game_walls import free_walls
-from .game_weapon import WeaponLook, held
+from .game_look import GAME_FOCAL_SHARE, screen_of
+from .game_scene import GameLook, check_game_look, read_game_look
 from .maps import START, DoomMap, TileGrid, load_map, tiled
 from .monsters import Horde
-from .parts import Game, Part
-from .physics import (
-    Blocked,
-    Body,
-    Buttons,
-    Reached,
-    action_name,
-    bob_height,
-    bob_swing,
-    bobbed,
-    hold,
-    numbered,
-    tic,
+from .overlay import check_overlays, strip
+from .parts import Game, Part, billboards
+from .physics import Body, action_name, bob_height, numbered
+from .pose import (
+    DoomState,
+    game_tic,
+    pose_fields,
+    sample_angle,
+    sample_start,
+    to_heading,
+    to_tiles,
 )
-from .view import EYE, ROW_FOCAL_SHARE, doom_theme, face_labels
-from .wad import find_iwad
+from .view import EYE, ROW_FOCAL_SHARE, Room, doom_theme, face_labels, tilemap_of
 
 ButtonsAtOnce = Literal["single", "all"]
 # The highest speed of a player in map units per tic: 8.33 ahead, 8 sideways.
 TOP_SPEED = 12
-# The headings from which a script chooses, in 65536ths of a turn: all, both ends included.
-ANY_ANGLE = (0, ONE)
-
-
-class Room(NamedTuple):
-    """The map of a scenario.
-
-    Attributes:
-        map_name: the name of a file in `maps/`, without suffix.
-        floor: mean RGB of the floor's texture.
-        ceiling: mean RGB of the ceiling's texture.
-    """
-
-    map_name: str
-    floor: RGB
-    ceiling: RGB
-
-
-class DoomState(State):
-    """The state of a body in Doom.
-
-    The four fields after `heading` are the game's own. `position` and `heading` are computed from
-    them in each step, and observations are rendered from those two. If you change the four, the
-    state continues as the game would.
-
-    Attributes:
-        fixed_position: int32[2], map units in 16.16, x eastwards and y northwards.
-        fixed_velocity: int32[2], units per tic.
-        angle: uint32[], 2**32 per turn, 0 east, growing counter-clockwise.
-        turn_tics: int32[], for how many tics a turn button has been held.
-        gait: int32[2, 2], with `look="game"` the velocity from the player's own steps, after
-            friction and before it, which makes the eye bob; else None.
-    """
-
-    fixed_position: jax.Array
-    fixed_velocity: jax.Array
-    angle: jax.Array
-    turn_tics: jax.Array
-    gait: jax.Array | None = dataclasses.field(default=None, kw_only=True)
 
 
 S = TypeVar("S", bound=DoomState)
@@ -154,30 +103,19 @@ class DoomScenario(FirstPerson[S, P]):
             # The absolute path, so that the environment is the same in another folder.
             object.__setattr__(self, "wad", str(Path(self.wad).expanduser().resolve()))
         super().__post_init__()
-        if self.look not in ("plain", "game") and not self.takes_patterns:
-            raise SettingError(
-                "look must be 'plain' or 'game' in Doom's scenarios, whose tiles are too small for "
-                f"patterns, not {self.look!r}"
-            )
-        if self.wad is not None and self.look != "game":
-            raise SettingError(
-                f"wad needs look='game': set that too, not wad={quoted(self.wad)} with "
-                f"look={quoted(self.look)}"
-            )
-        if self.samples != 1 and self.look != "game":
-            raise SettingError(
-                f"samples needs look='game': set that too, not samples={self.samples} with "
-                f"look={quoted(self.look)}"
-            )
+        samples = int(self.samples)
+        check_game_look(self.look, self.wad, samples, self.takes_patterns)
         if self.look == "game":
             # Read the pictures now: a damaged file is an error here, not in the first step.
-            assert self.game_theme.textures is not None
-        check_strip(self.hud, self.observation, self.height)
-        check_overlay("show_weapon", self.show_weapon, self.observation)
-        if self.hud and not self.limits:
-            raise SettingError(f"hud=True: {self.name!r} has neither health nor a weapon")
-        if self.show_weapon and not self._most_ammo:
-            raise SettingError(f"show_weapon=True: {self.name!r} has no weapon")
+            assert self.game.theme.textures is not None
+        check_overlays(
+            self.name,
+            self.limits,
+            hud=self.hud,
+            show_weapon=self.show_weapon,
+            observation=self.observation,
+            height=self.height,
+        )
 
     @property
     @abc.abstractmethod
@@ -243,10 +181,7 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def tilemap(self) -> TileMap:
         """The map as tiles with labels, for people and the renderer."""
-        faces = tuple(tuple(bytes(row) for row in face) for face in face_labels(self.tiles))
-        return TileMap(
-            self.name, faces[0], faces, spawns=self.cells(self.starts), goals=self.cells(self.goals)
-        )
+        return tilemap_of(self.name, self.tiles, self.starts, self.goals)
 
     @property
     def scenario(self) -> str | None:
@@ -262,11 +197,6 @@ class DoomScenario(FirstPerson[S, P]):
     def goals(self) -> np.ndarray:
         """float[n, 2]: the goals in map units."""
         return np.zeros((0, 2))
-
-    def cells(self, places: np.ndarray) -> tuple[tuple[int, int], ...]:
-        """(column, row) of the tiles of positions in map units, float[n, 2]."""
-        corners = [self.tiles.to_position(x, y) for x, y in places.tolist()]
-        return tuple((math.floor(x), math.floor(y)) for x, y in corners)
 
     @functools.cached_property
     def map_size(self) -> tuple[int, int]:
@@ -301,94 +231,28 @@ class DoomScenario(FirstPerson[S, P]):
     def theme(self) -> Theme:
         """The look of the map."""
         things = [thing for part in self.parts for thing in part.objects]
-        return doom_theme(
-            tuple((picture, thing.label) for thing in things for picture in thing.pictures),
-            floor=self.room.floor,
-            ceiling=self.room.ceiling,
-            level=self.doom_map.light,
-            unit=self.unit,
+        pictures = [(picture, thing.label) for thing in things for picture in thing.pictures]
+        return doom_theme(pictures, self.room, self.doom_map.light, self.unit)
+
+    @functools.cached_property
+    def game(self) -> GameLook:
+        """What the scenario shows with `look="game"`."""
+        return read_game_look(
+            self.parts,
+            self.tiles,
+            self.level,
+            self.theme,
+            walls=(self.room.map_name, self.doom_map),
+            wad=self.wad,
+            screen=(self.view_height, int(self.width), int(self.samples)),
+            first_tic=self.first_tic,
         )
-
-    @functools.cached_property
-    def game_looks(self) -> tuple[Look, ...]:
-        """The game's pictures of the things, part by part; each `picture` is a row of `theme`."""
-        looks, first = [], 0
-        for part in self.parts:
-            looks += [dataclasses.replace(one, picture=one.picture + first) for one in part.looks]
-            first += sum(len(thing.pictures) for thing in part.objects)
-        return tuple(looks)
-
-    @property
-    def weapon_look(self) -> WeaponLook | None:
-        """The game's pictures of the player's weapon, if the game shows it."""
-        looks = [part.weapon_look for part in self.parts]
-        return next((look for look in looks if look is not None), None)
-
-    @functools.cached_property
-    def game_pictures(self) -> GamePictures:
-        """The game's pictures of map, things and weapon."""
-        path = str(find_iwad(self.wad))
-        return game_pictures(path, self.room.map_name, self.game_looks, self.weapon_look, self.unit)
-
-    @functools.cached_property
-    def game_theme(self) -> Theme:
-        """The look of the map in the game, with a row for each picture of each thing."""
-        textures, views = self.game_pictures
-        places = sampling(self.view_height, int(self.width), int(self.samples))
-        textures = textures.replace(sampling=places)
-        rows = np.array([look.picture for look in self.game_looks])
-        return views.themed(self.theme, rows).replace(textures=textures)
-
-    def game_sprites(self, state: S) -> SceneSprites:
-        """The billboards of all parts, in the game's pictures."""
-        tic, eye, views = self.game_tic(state), state.fixed_position, self.game_pictures.views
-        places, rows, visible, first = [], [], [], 0
-        for part in self.parts:
-            if shown := part.shown(state, tic):
-                places.append(shown.places)
-                visible.append(shown.visible)
-                rows.append(views.rows(shown._replace(looks=shown.looks + np.int32(first)), eye))
-            first += len(part.looks)
-        position = self.to_tiles(jnp.concatenate(places))
-        return SceneSprites(position, jnp.concatenate(rows), jnp.concatenate(visible))
-
-    @functools.cached_property
-    def game_level(self) -> Level:
-        """The map for the renderer, with walls where the game has them."""
-        return self.level.replace(free_walls=free_walls(self.doom_map, self.tiles))
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
         if self.look != "game":
             return super().dressed(scene, state)
-        cosine, sine = direction(state.angle)
-        heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
-        scene = scene.replace(
-            level=self.game_level,
-            heading=heading,
-            sprites=self.game_sprites(state),
-            theme=self.game_theme,
-        )
-        if self.weapon_look is None:
-            return scene
-        assert state.gait is not None
-        trigger, swing = getattr(state, "trigger"), bob_swing(state.gait[1])  # noqa: B009
-        over, glare = held(self.weapon_look, trigger, swing, self.game_tic(state))
-        return scene.replace(held=over, glare=glare)
-
-    def sprites(self, state: S) -> SceneSprites:
-        """The billboards of all parts."""
-        places, pictures, visible, first = [], [], [], 0
-        for part in self.parts:
-            if shown := part.sprites(state):
-                places.append(shown.places)
-                pictures.append(shown.pictures + np.int32(first))
-                visible.append(shown.visible)
-            first += sum(len(thing.pictures) for thing in part.objects)
-        position = self.to_tiles(jnp.concatenate(places))
-        return SceneSprites(
-            position=position, picture=jnp.concatenate(pictures), visible=jnp.concatenate(visible)
-        )
+        return self.game.dressed(scene, state)
 
     def scene(self, state: S, params: P) -> Scene:
         """The map and the things on it, from the player's pose."""
@@ -398,7 +262,7 @@ class DoomScenario(FirstPerson[S, P]):
             closed=jnp.zeros(0, bool),
             position=self.to_tiles(state.fixed_position),
             heading=to_heading(state.angle),
-            sprites=self.sprites(state),
+            sprites=billboards(self.parts, state, self.to_tiles),
             theme=self.theme,
             lift=self.lift(state),
         )
@@ -418,17 +282,8 @@ class DoomScenario(FirstPerson[S, P]):
 
     def strip(self, state: S, kind: ImageKind) -> jax.Array:
         """The strip of `hud=True`: health and, on the right, ammunition if there is any."""
-        rows, most, now = strip_rows(self.height), self._most_ammo, self._told(state)
-        right = self.width // 2 if most else 0
-        health = bar(now["health"] / FULL_HEALTH, rows, self.width - right, kind)
-        if not right:
-            return health
-        ammo = bar(now["ammo"] / most, rows, right, kind, AMMUNITION)
-        return jnp.concatenate([health, ammo], axis=1)
-
-    @property
-    def _most_ammo(self) -> int:
-        return self.limits.get("ammo", 0)
+        most, rows = self.limits.get("ammo", 0), strip_rows(self.height)
+        return strip(self._told(state), most, rows, self.width, kind)
 
     def _told(self, state: S) -> Info:
         """The entries of the parts for a state."""
@@ -456,15 +311,12 @@ class DoomScenario(FirstPerson[S, P]):
             return super().succeeded(state, reward, terminated, events, params)
         return state.done & ~terminated
 
-    def game_tic(self, state: S) -> jax.Array:
-        """int32[]: the game's count of tics, some of which pass before an episode starts."""
-        return state.time + np.int32(self.first_tic)
-
     def lift(self, state: S) -> jax.Array | None:
         """float32[]: how many tiles the eye is above its usual height; None if that is fixed."""
         if state.gait is None:
             return None
-        return bob_height(state.gait[1], self.game_tic(state) - 1) * np.float32(1 / self.unit)
+        steps, tic = state.gait[1], game_tic(state, self.first_tic)
+        return bob_height(steps, tic - 1) * np.float32(1 / self.unit)
 
     def stride(self, params: P) -> float:
         """The most tiles that the player moves in a tic."""
@@ -473,10 +325,7 @@ class DoomScenario(FirstPerson[S, P]):
 
     def to_tiles(self, place: jax.Array) -> jax.Array:
         """float32[..., 2]: (x, y) in tiles of int32[..., 2] map units in 16.16."""
-        east = place[..., 0] - self.tiles.west * ONE
-        south = self.tiles.north * ONE - place[..., 1]
-        tile = self.unit << FRACTION_BITS
-        return jnp.stack([east, south], axis=-1).astype(jnp.float32) * jnp.float32(1 / tile)
+        return to_tiles(place, self.tiles)
 
     def start_pose(self, bits: jax.Array, angles: tuple[int, int] = (0, 0)) -> dict[str, jax.Array]:
         """The fields of a state for a body that stands at one of the starts.
@@ -485,33 +334,20 @@ class DoomScenario(FirstPerson[S, P]):
             bits: uint32[2], random.
             angles: the lowest and the highest angle, in 65536ths of a turn.
         """
-        table = [[to_fixed(value) for value in spot] for spot in self.starts.tolist()]
-        spots = jnp.asarray(np.array(table, np.int32))
-        return self.pose(spots[sample_index(bits[0], len(table))], sample_angle(bits[1], angles))
+        place = sample_start(self.starts, bits[0])
+        return self.pose(place, sample_angle(bits[1], angles))
 
     def only_pose(self) -> dict[str, jax.Array]:
         """As `start_pose`, for a single start facing east."""
         return self.start_pose(jnp.zeros(2, jnp.uint32))
 
     def pose(self, position: jax.Array, angle: jax.Array) -> dict[str, jax.Array]:
-        """The fields of a state for a body that stands still.
-
-        Args:
-            position: int32[2], map units in 16.16.
-            angle: uint32[].
-        """
-        return self._pose(Body(position, jnp.zeros(2, jnp.int32), angle, jnp.int32(0)))
+        """The fields for a body that stands at int32[2], in 16.16, with an angle uint32[]."""
+        return self.body_fields(Body(position, jnp.zeros(2, jnp.int32), angle, jnp.int32(0)))
 
     def at_pose(self, state: S, position: jax.Array, velocity: jax.Array, angle: jax.Array) -> S:
-        """The state with the body in another pose.
-
-        Args:
-            state: the state.
-            position: int32[2], map units in 16.16.
-            velocity: int32[2], units per tic.
-            angle: uint32[].
-        """
-        return state.replace(**self._pose(Body(position, velocity, angle, jnp.int32(0))))
+        """The state with the body in another pose: int32[2], int32[2], uint32[], as in `Body`."""
+        return state.replace(**self.body_fields(Body(position, velocity, angle, jnp.int32(0))))
 
     def from_game(self, state: S, game: Game) -> S:
         """The state with what the running game reports besides the pose, in numpy."""
@@ -521,57 +357,6 @@ class DoomScenario(FirstPerson[S, P]):
         """The state after damage int32[N]; int32[], the part that reaches the player."""
         return state, jnp.sum(lost, dtype=jnp.int32)
 
-    def pressed(self, action: jax.Array) -> Buttons:
-        """The buttons that an action holds."""
-        return hold(self.button_names, self.held(action))
-
-    def held(self, action: jax.Array) -> jax.Array:
-        """int32[]: the buttons that an action holds, bit i for `button_names[i]`."""
-        table = jnp.asarray(np.append(self.action_buttons, np.int32(0)))
-        return table.at[action].get(mode="promise_in_bounds")
-
-    def moved(
-        self, state: S, action: jax.Array, bodies: Blocked | None = None
-    ) -> tuple[S, Reached]:
-        """The state after the body has moved in a tic, and the positions that it reached.
-
-        Args:
-            state: the state before the tic.
-            action: the action.
-            bodies: a function that tells where other bodies are in its way, if there are any.
-        """
-        body = Body(state.fixed_position, state.fixed_velocity, state.angle, state.turn_tics)
-        buttons = self.pressed(action)
-        after, reached = tic(self.geometry, body, buttons, bodies)
-        fields = self._pose(after)
-        if state.gait is not None:
-            velocity = after.velocity
-            steps, pace = bobbed(state.gait[0], after.angle, buttons, velocity, reached.slid)
-            fields["gait"] = jnp.stack([pace, steps])
-        return state.replace(**fields), reached
-
-    def _pose(self, body: Body) -> dict[str, jax.Array]:
-        fields = {
-            "position": self.to_tiles(body.position),
-            "heading": to_heading(body.angle),
-            "fixed_position": body.position,
-            "fixed_velocity": body.velocity,
-            "angle": body.angle,
-            "turn_tics": body.turn_tics,
-        }
-        if self.look == "game":
-            # The velocity before the friction of the last tic.
-            fields["gait"] = jnp.stack([body.velocity, body.velocity * 32 // 29])
-        return fields
-
-
-def to_heading(angle: jax.Array) -> jax.Array:
-    """float32[]: Doom's angle as a heading in radians, clockwise, in [0, 2 pi)."""
-    turned = (jnp.uint32(0) - angle) >> 8
-    return turned.astype(jnp.float32) * jnp.float32(2 * math.pi * 2.0**-24)
-
-
-def sample_angle(bits: jax.Array, angles: tuple[int, int]) -> jax.Array:
-    """uint32[]: an angle drawn as in the game's scripts, in 65536ths of a turn, ends included."""
-    low, high = angles
-    return (sample_index(bits, high - low + 1) + low).astype(jnp.uint32) << 16
+    def body_fields(self, body: Body) -> dict[str, jax.Array]:
+        """The fields of a state for a body."""
+        return pose_fields(body, self.tiles, self.look == "game")

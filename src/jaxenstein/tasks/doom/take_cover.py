@@ -22,12 +22,13 @@ from .fight import FightParams, FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
 from .monster_kinds import IMP, standing
 from .monsters import Horde, Monsters
+from .motion import held_buttons
 from .parts import Game, Health, Part
 from .physics import MOVE_LEFT, MOVE_RIGHT, bob_height, bobbed
 from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import arrived
-from .scenario import DoomScenario, Room
-from .view import CRATES
+from .scenario import DoomScenario
+from .view import CRATES, Room
 from .weapons import PISTOL, Slot
 
 # Imps are on this line, between these two y; the most imps.
@@ -131,7 +132,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         fight_key, ball_key, imp_key = jax.random.split(key, 3)
         time = state.time + 1
         action = jnp.where(state.time < _FROZEN, NO_OP, action)
-        pace, angle, buttons = state.pace, state.angle, self.pressed(action)
+        pace, angle, buttons = state.pace, state.angle, held_buttons(self, action)
         state, fought = fight(self, fight_key, state, action, params)
         steps, pace = bobbed(pace, angle, buttons, state.fixed_velocity, fought.reached.slid)
         state = state.replace(steps=steps, pace=pace)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +17,7 @@ from ...engine.scene import Theme
 from ...engine.shade import ImageKind, Light, by_side, luma, pack_rgb
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
 from ...maps.things import RGB
+from ...maps.tilemap import TileMap
 from .maps import TileGrid
 
 EYE = 41
@@ -88,6 +91,20 @@ VEST = Picture("vest", 37, (61, 84, 51), (47, 52, 40))
 MEDKIT_BOX = Picture("medkit-box", 29.5, (150, 152, 148), (52, 122, 46))
 
 
+class Room(NamedTuple):
+    """The map of a scenario.
+
+    Attributes:
+        map_name: the name of a file in `maps/`, without suffix.
+        floor: mean RGB of the floor's texture.
+        ceiling: mean RGB of the ceiling's texture.
+    """
+
+    map_name: str
+    floor: RGB
+    ceiling: RGB
+
+
 @dataclass(frozen=True)
 class DoomLight(Light):
     """Doom's light: 32 steps of brightness, darker with distance, down to the sector's minimum.
@@ -140,21 +157,33 @@ def face_labels(tiles: TileGrid) -> np.ndarray:
     return np.where(tiles.solid & (faces == 0), seen[None], faces).astype(np.uint8)
 
 
+def tilemap_of(name: str, tiles: TileGrid, starts: np.ndarray, goals: np.ndarray) -> TileMap:
+    """The map as tiles with labels.
+
+    Args:
+        name: the name of the map.
+        tiles: the map as tiles.
+        starts: float[n, 2], in map units.
+        goals: float[n, 2], in map units.
+    """
+
+    def cells(places: np.ndarray) -> tuple[tuple[int, int], ...]:
+        corners = [tiles.to_position(x, y) for x, y in places.tolist()]
+        return tuple((math.floor(x), math.floor(y)) for x, y in corners)
+
+    faces = tuple(tuple(bytes(row) for row in face) for face in face_labels(tiles))
+    return TileMap(name, faces[0], faces, spawns=cells(starts), goals=cells(goals))
+
+
 def doom_theme(
-    pictures: tuple[tuple[Picture, int], ...],
-    *,
-    floor: RGB,
-    ceiling: RGB,
-    level: float,
-    unit: int,
+    pictures: Sequence[tuple[Picture, int]], room: Room, level: float, unit: int
 ) -> Theme:
     """The look of a scenario.
 
     Args:
         pictures: the pictures of the things with their label ids, in the order of
             `Sprites.picture`.
-        floor: mean RGB of the floor's texture.
-        ceiling: mean RGB of the ceiling's texture.
+        room: the colours of floor and ceiling.
         level: the sector's light, 0 to 255.
         unit: map units per tile.
     """
@@ -170,8 +199,8 @@ def doom_theme(
         wall_panels=np.zeros(len(colours), np.int32),
         panels=plain[None],
         panel_accent=np.zeros(3, np.float32),
-        floor=np.array((floor, floor), np.float32),
-        ceiling=np.array(ceiling, np.float32),
+        floor=np.array((room.floor, room.floor), np.float32),
+        ceiling=np.array(room.ceiling, np.float32),
         sprite_art=np.stack([load_art(picture.art) for picture in shown]),
         sprite_colours=np.array([(p.shape, p.detail) for p in shown], np.float32),
         sprite_radius=(radii / unit).astype(np.float32),
