@@ -24,7 +24,7 @@ from .wad import find_iwad
 
 
 def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bool) -> None:
-    """Raise if the settings of a scenario's look do not fit each other.
+    """Raise if a scenario cannot have a look, or has settings of another look.
 
     Args:
         look: the setting.
@@ -33,7 +33,7 @@ def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bo
         takes_patterns: whether the tiles are large enough for patterns.
 
     Raises:
-        SettingError: they do not.
+        SettingError: `look`, `wad` or `samples` does not fit.
     """
     if look not in ("plain", "game") and not takes_patterns:
         raise SettingError(

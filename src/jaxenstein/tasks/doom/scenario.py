@@ -41,7 +41,7 @@ from .pose import (
     to_heading,
     to_tiles,
 )
-from .view import EYE, ROW_FOCAL_SHARE, Room, doom_theme, face_labels, tilemap_of
+from .view import EYE, ROW_FOCAL_SHARE, Room, doom_theme, face_labels, labelled_tiles
 
 ButtonsAtOnce = Literal["single", "all"]
 # The highest speed of a player in map units per tic: 8.33 ahead, 8 sideways.
@@ -181,7 +181,7 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def tilemap(self) -> TileMap:
         """The map as tiles with labels, for people and the renderer."""
-        return tilemap_of(self.name, self.tiles, self.starts, self.goals)
+        return labelled_tiles(self.name, self.tiles, self.starts, self.goals)
 
     @property
     def scenario(self) -> str | None:

@@ -157,7 +157,7 @@ def face_labels(tiles: TileGrid) -> np.ndarray:
     return np.where(tiles.solid & (faces == 0), seen[None], faces).astype(np.uint8)
 
 
-def tilemap_of(name: str, tiles: TileGrid, starts: np.ndarray, goals: np.ndarray) -> TileMap:
+def labelled_tiles(name: str, tiles: TileGrid, starts: np.ndarray, goals: np.ndarray) -> TileMap:
     """The map as tiles with labels.
 
     Args:
