@@ -12,7 +12,6 @@ game's 320x240. The indented line compares with another frame.
 from __future__ import annotations
 
 import argparse
-import operator
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +25,7 @@ import jaxenstein
 from fidelity.doom_picture import SIZES, renderers, shares
 from fidelity.doom_views import View, fitted, views
 from jaxenstein.engine.render import render
+from jaxenstein.engine.scene import Held, Sprites
 from jaxenstein.files import check_writable
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.game_look import gilded
@@ -33,7 +33,12 @@ from jaxenstein.tasks.doom.view import EYE
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 from jaxenstein.view.recording import mosaic, save_png
 
-SCENARIOS = "my_way_home", "health_gathering", "health_gathering_supreme"
+SCENARIOS = (
+    *("my_way_home", "health_gathering", "health_gathering_supreme", "basic", "take_cover"),
+    *("defend_the_line", "defend_the_center", "deadly_corridor"),
+)
+# A shade is worth so many steps of the map's light.
+LIGHT_OF_A_SHADE = 4
 SMALL = 64, 64
 PICTURES = 4
 
@@ -48,17 +53,14 @@ def ours(
     env: Any
     env, params = jaxenstein.make(name, look="game", width=width, height=height, samples=samples)
     first = env.first_state(jax.random.key(0), params)
-    looks = [
-        (one.sprite, look.height * ONE, look.bright, look.letter)
-        for one in env.animations
-        for look in one.looks
-    ]
+    count = max(len(view.things) for view in views)
 
     @jax.jit
-    def draw(state: Any, lift: jax.Array, sprites: Any, gold: jax.Array) -> jax.Array:
+    def draw(state: Any, lift: jax.Array, sprites: Any, held: Any, glare: jax.Array, gold: Any):
         scene = env.dressed(env.scene(state, params), state)
-        sprites = sprites.replace(position=env.to_tiles(sprites.position))
         scene = scene.replace(lift=lift, sprites=sprites)
+        if scene.held is not None:
+            scene = scene.replace(held=held, glare=glare)
         return gilded(render(scene, env.camera, "rgb", env.sprite_layers), gold)
 
     found = []
@@ -66,18 +68,45 @@ def ours(
         place = jnp.array([view.pose.x, view.pose.y], jnp.int32)
         angle = jnp.uint32(view.pose.angle)
         state = env.at_pose(first, place, jnp.zeros(2, jnp.int32), angle)
-        sprites = jax.tree.map(np.zeros_like, env.scene(state, params).sprites)
-        places = np.zeros(sprites.position.shape, np.int32)
-        for number, seen in enumerate(view.things):
-            places[number] = seen.x, seen.y
-            sprites.visible[number] = True
-            wanted = seen.look.sprite, seen.z, seen.look.bright, seen.look.frame
-            same = [tuple(map(operator.eq, look, wanted)) for look in looks]
-            sprites.picture[number] = same.index(max(same))
         lift = np.float32((view.pose.z - EYE * ONE) / (ONE * env.unit))
-        sprites = sprites.replace(position=places)
-        found.append(np.asarray(draw(state, lift, sprites, jnp.bool_(view.gold > 0))))
+        glare = np.int32(view.flash // LIGHT_OF_A_SHADE)
+        gold = np.bool_(view.gold > 0)
+        image = draw(state, lift, billboards(env, view, count), over(env, view), glare, gold)
+        found.append(np.asarray(image))
     return found
+
+
+def billboards(env: Any, view: View, count: int) -> Sprites:
+    """The things of a view in our pictures: those with the nearest height; unknown ones are not."""
+    places, rows, visible = np.zeros((count, 2), np.int32), np.zeros(count, np.int32), []
+    table = env.game_pictures.views
+    for number, (look, x, y, z) in enumerate(view.things):
+        same = [
+            (abs(own.height * ONE - z), index)
+            for index, own in enumerate(env.game_looks)
+            if (own.sprite, own.letter) == (look.sprite, look.frame)
+        ]
+        visible.append(bool(same))
+        if same:
+            places[number], index = (x, y), min(same)[1]
+            rows[number] = table.first[index] + look.side * table.turns[index]
+    shown = np.array([*visible, *[False] * (count - len(visible))])
+    return Sprites(env.to_tiles(jnp.asarray(places)), jnp.asarray(rows), jnp.asarray(shown))
+
+
+def over(env: Any, view: View) -> Held | None:
+    """The weapon of a view."""
+    if env.weapon_look is None:
+        return None
+    known, held = env.weapon_look.pictures(), [*reversed(view.held)]
+    pictures = [known.index((one.sprite, one.frame)) for one in held]
+    places = [(one.x / ONE, one.y / ONE) for one in held]
+    lacking = 2 - len(held)
+    return Held(
+        jnp.array([*pictures, *[0] * lacking], np.int32),
+        jnp.array([*places, *[(0, 0)] * lacking], np.float32),
+        jnp.array([True] * len(held) + [False] * lacking),
+    )
 
 
 def nearest(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:

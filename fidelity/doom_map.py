@@ -28,6 +28,8 @@ NAMES = (
     "simpler-basic",
     "take-cover",
     "defend-the-line",
+    "defend-the-center",
+    "deadly-corridor",
 )
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _BLOCK = re.compile(r"(\w+)\s*\{([^{}]*)\}")
@@ -59,26 +61,22 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
 
     Raises:
         MapError: the text is malformed, or the map is not supported: it has several heights of
-            floors or ceilings, oblique walls, or blocking lines that are not walls.
+            floors or ceilings, or broken offsets.
     """
     blocks = parse_udmf(text, source)
-    walls = []
+    walls, rails = [], []
     for number, line in enumerate(blocks.get("linedef", [])):
+        vertices = (blocks["vertex"][int(line[end])] for end in ("v1", "v2"))
+        ends = [float(vertex[axis]) for vertex in vertices for axis in "xy"]
+        x0, y0, x1, y1 = (int(end) if end.is_integer() else end for end in ends)
+        side = blocks["sidedef"][int(line["sidefront"])]
+        offset = float(side.get("offsetx", 0))
         if int(line.get("sideback", -1)) < 0:
-            vertices = (blocks["vertex"][int(line[end])] for end in ("v1", "v2"))
-            x0, y0, x1, y1 = (float(vertex[axis]) for vertex in vertices for axis in "xy")
-            if (x0 == x1) == (y0 == y1) or not all(map(float.is_integer, (x0, y0, x1, y1))):
-                told = f"from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
-                raise MapError(f"linedef {number} {told} runs along neither axis", source=source)
-            side = blocks["sidedef"][int(line["sidefront"])]
-            texture = side.get("texturemiddle", "-")
-            offset = float(side.get("offsetx", 0))
             if not offset.is_integer():
                 raise MapError(f"linedef {number} has an offset of {offset:g}", source=source)
-            ends = int(x0), int(y0), int(x1), int(y1)
-            walls.append(Line(*ends, texture, int(offset)))
+            walls.append(Line(x0, y0, x1, y1, side.get("texturemiddle", "-"), int(offset)))
         elif line.get("blocking") == "true":
-            raise MapError(f"linedef {number} blocks, but both its sides are open", source=source)
+            rails.append(Line(x0, y0, x1, y1, "-"))
     things = sorted(
         (int(t["type"]), int(t.get("id", 0)), float(t["x"]), float(t["y"]))
         for t in blocks.get("thing", [])
@@ -90,7 +88,7 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
     )
     flats = (_common(sectors, key, "-", source) for key in ("texturefloor", "textureceiling"))
     placed = tuple(MapThing(*thing) for thing in things)
-    return DoomMap(tuple(walls), placed, floor, ceiling, light, flats=tuple(flats))
+    return DoomMap(tuple(walls), placed, floor, ceiling, light, tuple(rails), tuple(flats))
 
 
 def _common(sectors: list[Block], key: str, default: T, source: str) -> T:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fidelity.doom_map import read_map
 from jaxenstein.errors import MapError
-from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, load_map
+from jaxenstein.tasks.doom.maps import MAP_SPOT, Line, MapThing, ends_of, load_map, parse_map
 from jaxenstein.tasks.doom.wad import Wad
 
 # Clockwise, like Doom's walls around a room.
@@ -43,19 +44,27 @@ def test_map_is_read() -> None:
     assert found.things == (MapThing(1, 0, 1.0, -2.0), MapThing(MAP_SPOT, 10, 8.0, 8.5))
     assert (found.floor, found.ceiling, found.light) == (0, 128, 160)
     inner = "linedef { v1 = 0; v2 = 2; sidefront = 0; sideback = 1; }"
-    assert read_map(udmf(extra=inner)).walls == found.walls
+    assert read_map(udmf(extra=inner)) == read_map(udmf())
+    rail = read_map(udmf(extra=inner.replace("}", "blocking = true; }")))
+    assert (rail.walls, rail.rails) == (found.walls, (Line(0, 64, 32, 0, "-"),))
+
+
+def test_a_map_of_oblique_walls_and_broken_numbers_is_written_as_it_was_read() -> None:
+    extra = "vertex { x = -8.125; y = 100; } linedef { v1 = 4; v2 = 1; sidefront = 4; }"
+    extra += 'sidedef { texturemiddle = "T4"; offsetx = 7; }'
+    found = read_map(udmf(extra=extra))
+    assert found.walls[4] == Line(-8.125, 100, 32, 64, "T4", 7)
+    assert parse_map(found.text()) == found
+    # Bodies meet walls on whole numbers.
+    np.testing.assert_array_equal(ends_of(found.walls)[4], [[-8, 100], [32, 64]])
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (udmf([(0, 64), (32, 60), *CORNERS[2:]]), r"linedef 0 from \(0, 64\) to \(32, 60\) runs"),
+        (udmf().replace("sector = 0;", "sector = 0; offsetx = 0.5;"), "0 has an offset of 0.5"),
         (udmf(ceilings=(128, 96)), "one heightceiling in common, not 96, 128"),
         (udmf(ceilings=()), "one heightfloor in common, not none"),
-        (
-            udmf(extra="linedef { v1 = 0; v2 = 3; sidefront = 0; sideback = 1; blocking = true; }"),
-            "linedef 4 blocks, but both its sides are open",
-        ),
         ("vertex { x = 1;", "neither a block nor a field: vertex {"),
         ("vertex { x = 1 }", "neither a block nor a field: x = 1"),
         ('thing { s = "open; }', "neither a block nor a field: s ="),
@@ -66,8 +75,9 @@ def test_unsupported_maps_are_refused(text: str, message: str) -> None:
         read_map(text)
 
 
-def test_packaged_maps_equal_maps_of_the_game() -> None:
+@pytest.mark.parametrize("name", ["my-way-home", "defend-the-center", "deadly-corridor"])
+def test_packaged_maps_equal_maps_of_the_game(name: str) -> None:
     """The packaged maps equal the maps of the game, if it is installed."""
     vizdoom = pytest.importorskip("vizdoom")
-    path = Path(vizdoom.scenarios_path) / "my_way_home.wad"
-    assert read_map(Wad(path).lump("TEXTMAP").decode()) == load_map("my-way-home")
+    path = Path(vizdoom.scenarios_path) / f"{name.replace('-', '_')}.wad"
+    assert read_map(Wad(path).lump("TEXTMAP").decode()) == load_map(name)

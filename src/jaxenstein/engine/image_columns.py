@@ -10,8 +10,9 @@ import numpy as np
 
 from ..pytree import PyTreeNode
 from .camera import Camera
+from .hits import Hits
 from .level import WORD, Array
-from .raycast import Hits, rays
+from .raycast import rays
 from .scene import Theme
 from .shade import ImageKind, pack_rgb, tone
 from .sprites import Layers, Spots, project

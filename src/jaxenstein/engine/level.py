@@ -20,6 +20,20 @@ OUTSIDE = 2
 Array = jax.Array | np.ndarray
 
 
+class FreeWalls(PyTreeNode):
+    """Walls at any place and angle, seen from one side; L of them.
+
+    Attributes:
+        left: float32[L, 2], (x, y) in tiles of the end on the left, as seen.
+        right: float32[L, 2], and of the end on the right.
+        wall: uint8[L], which wall each one is (see `scene.Theme`).
+    """
+
+    left: Array
+    right: Array
+    wall: Array
+
+
 class Level(PyTreeNode):
     """The geometry of one map, either a constant of the program or part of a state.
 
@@ -33,6 +47,8 @@ class Level(PyTreeNode):
         doors: int32[D, 2], (column, row) of each door, margin included. Doors are not solid in
             `column_bits` and `row_bits`; a closed door adds its bit.
         margin: solid tiles added on each side of the map: 0 if its border was solid already.
+        free_walls: walls that rays meet instead of the tiles and doors, around every place where
+            the eye may be; None if they meet the tiles. Bodies meet the tiles.
     """
 
     column_bits: Array
@@ -40,6 +56,7 @@ class Level(PyTreeNode):
     walls: Array
     doors: Array
     margin: int = static(default=0)
+    free_walls: FreeWalls | None = None
 
     @property
     def size(self) -> tuple[int, int]:

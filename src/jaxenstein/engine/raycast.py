@@ -31,6 +31,8 @@ from .._jax.batching import varying
 from .._jax.staging import staged
 from ..pytree import PyTreeNode, static
 from .camera import Camera
+from .free_walls import meet
+from .hits import Hits
 from .level import WORD, Level, occupancy
 from .lines import Crossed, Fixed, crossed, fixed_lines, shut
 
@@ -47,28 +49,6 @@ PARALLEL = 1e-12
 NUDGE = 2.0**-16
 # On a line met at a small angle, that shift is at most this many times as large.
 SLANT = 64.0
-
-
-class Hits(PyTreeNode):
-    """The walls that the rays hit; W is the number of image columns.
-
-    Attributes:
-        depth: float32[W], perpendicular distance in tiles.
-        wall: uint8[W], the entry of `Level.walls` of the face that was hit.
-        along: float32[W] in [0, 1], the place on the face from its left to its right edge as seen.
-        horizontal: bool[W], whether the face looks north or south.
-        tile: int32[W, 2], (column, row) of the tile that was hit, without the margin.
-        side: int32[W], where the face looks: west, east, north, south; None if nobody asked.
-        face: int32[W], its place in an array [4, R, C] of the faces of a level; likewise.
-    """
-
-    depth: jax.Array
-    wall: jax.Array
-    along: jax.Array
-    horizontal: jax.Array
-    tile: jax.Array
-    side: jax.Array | None = None
-    face: jax.Array | None = None
 
 
 class Aim(PyTreeNode):
@@ -129,6 +109,8 @@ def cast(
         camera: width and field of view of the image.
         sides: whether to tell `Hits.side` and `Hits.face`.
     """
+    if level.free_walls is not None:
+        return meet(position, direction(heading), level.free_walls, camera)
     pose = position, heading, closed, level
     aims = staged(partial(aim, camera=camera, fixed=fixed_lines(level)))(*pose)
     return look_up(aims, staged(march)(aims), level, sides)

@@ -30,6 +30,7 @@ from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
 from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
+from .textured_walls import of_walls
 from .textures import Sampling
 
 # This many layers of billboards are always painted.
@@ -56,6 +57,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
         heading=lax.stop_gradient(scene.heading),
         sprites=lax.stop_gradient(scene.sprites),
         lift=lax.stop_gradient(scene.lift),
+        held=lax.stop_gradient(scene.held),
     )
     textures = scene.theme.textures if kind in ("rgb", "gray") else None
     if textures is None:
@@ -63,7 +65,7 @@ def render(scene: Scene, camera: Camera, kind: ImageKind = "rgb", layers: int = 
     sized = scene.replace(theme=textured.sized(scene.theme))
     view = camera.halved() if textures.sampling.samples == 2 else camera
     index = _draw(sized, view.widened(), kind, layers, textures.sampling, _TEXTURED)
-    return textured.colours(index, scene.theme, camera, kind)
+    return textured.colours(index, scene, camera, kind)
 
 
 class _Way(NamedTuple):
@@ -73,32 +75,33 @@ class _Way(NamedTuple):
     project: Callable[..., Any]
     rows: Callable[..., Any]
     paint: Callable[..., Any]
-    sides: bool
+    textured: bool
 
 
-_COLOURED = _Way(prepare, project, paint_rows, paint, sides=False)
+_COLOURED = _Way(prepare, project, paint_rows, paint, textured=False)
 _TEXTURED = _Way(
-    textured.prepare, textured.project, textured.paint_rows, textured.paint, sides=True
+    textured.prepare, textured.project, textured.paint_rows, textured.paint, textured=True
 )
 
 
 def _draw(
     scene: Scene, camera: Camera, kind: ImageKind, layers: int, places: Sampling, way: _Way
-) -> jax.Array:
+) -> Any:
     """The image, or what stands for each of its pixels."""
     pose = scene.position, scene.heading
-    walls, things = textured.of_walls(camera, places), camera.at(places.thing)
-    hits = cast(*pose, scene.closed, scene.level, walls, way.sides)
+    walls, things = of_walls(camera, places), camera.at(places.thing)
+    hits = cast(*pose, scene.closed, scene.level, walls, way.textured)
     stage = partial(way.prepare, theme=scene.theme, camera=camera, kind=kind)
-    rows = way.rows(scene.theme, camera, kind, scene.lift)
+    eye = (scene.lift, scene.glare) if way.textured else (scene.lift,)
+    rows = way.rows(scene.theme, camera, kind, *eye)
     count = scene.sprites.picture.shape[0]
     if count <= layers or layers <= FEW:
         spots = choose(*pose, scene.sprites, scene.theme, things, layers) if count else None
-        columns = staged(stage)(scene.heading, hits, spots, scene.lift)
+        columns = staged(stage)(scene.heading, hits, spots, *eye)
         return way.paint(columns, rows, scene, camera, kind)
     spots = see(*pose, scene.sprites, scene.theme)
     keys = nearest(spots, scene.theme, things, layers)
-    columns = staged(stage)(scene.heading, hits, None, scene.lift)
+    columns = staged(stage)(scene.heading, hits, None, *eye)
     over = staged(partial(way.project, theme=scene.theme, camera=camera, kind=kind))
     seen = layers_seen(keys, hits.depth, count)
 
@@ -106,11 +109,11 @@ def _draw(
         def draw(
             columns: Any,
             depth: jax.Array,
-            lift: jax.Array | None,
+            eye: tuple[jax.Array | None, ...],
             spots: Spots,
             keys: jax.Array,
         ) -> Any:
-            shown = over(pick(spots, keys[:most]), depth, lift)
+            shown = over(pick(spots, keys[:most]), depth, *eye)
             steps = [
                 partial(_paint_layers, k, rows=rows, scene=scene, camera=camera, kind=kind, way=way)
                 for k in range(most + 1)
@@ -124,7 +127,7 @@ def _draw(
     # If no member of the batch sees more than a few layers, the others are not looked up.
     more = (seen > FEW).astype(jnp.int32)
     steps = [with_layers(most) for most in (FEW, layers)]
-    return by_most(steps)(more, columns, hits.depth, scene.lift, spots, keys)
+    return by_most(steps)(more, columns, hits.depth, eye, spots, keys)
 
 
 def _paint_layers(
@@ -137,7 +140,7 @@ def _paint_layers(
     camera: Camera,
     kind: ImageKind,
     way: _Way,
-) -> jax.Array:
+) -> Any:
     """The image with `count` layers of billboards."""
     nearest = jax.tree.map(lambda leaf: leaf[..., :count, :], layers)
     return way.paint(columns.replace(layers=nearest), rows, scene, camera, kind)

@@ -79,6 +79,20 @@ class Sprites(PyTreeNode):
     visible: jax.Array
 
 
+class Held(PyTreeNode):
+    """M pictures that lie over the image, the nearest first.
+
+    Attributes:
+        picture: int32[M], row of `textures.Stamps`.
+        place: float32[M, 2], by how many columns and rows of its screen each is moved.
+        shown: bool[M].
+    """
+
+    picture: jax.Array
+    place: jax.Array
+    shown: jax.Array
+
+
 class Scene(PyTreeNode):
     """Everything that determines an image.
 
@@ -92,6 +106,8 @@ class Scene(PyTreeNode):
         theme: the colours and pictures.
         lift: float32[], how many tiles the eye is above the camera's eye height, within the room;
             None for 0.
+        held: pictures over an image with textures, or None.
+        glare: int32[], how many shades brighter everything with textures is; None for 0.
     """
 
     level: Level
@@ -101,3 +117,5 @@ class Scene(PyTreeNode):
     sprites: Sprites
     theme: Theme
     lift: jax.Array | None = None
+    held: Held | None = None
+    glare: jax.Array | None = None

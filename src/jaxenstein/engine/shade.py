@@ -37,7 +37,7 @@ class Light:
 
     def wall(self, depth: jax.Array, horizontal: jax.Array, along: jax.Array) -> jax.Array:
         """float32: the factor for walls; the arguments are as in `raycast.Hits`."""
-        side = jnp.where(horizontal, jnp.float32(SIDE_LIGHT), 1)
+        side = by_side(horizontal, jnp.float32(SIDE_LIGHT), 1)
         at_seam = jnp.abs(along - 0.5) > 0.5 - SEAM_WIDTH
         seam = jnp.where(at_seam, SEAM_SHADE * jnp.clip(1 - depth / SEAM_FADES, 0, 1), 0)
         return brightness(depth) * side * (1 - seam)
@@ -45,6 +45,16 @@ class Light:
     def plain(self, depth: Any) -> Any:
         """float32: the factor for floor, ceiling and billboards; numpy for numpy, else JAX."""
         return brightness(depth)
+
+
+def by_side(horizontal: jax.Array, lengthwise: Any, crosswise: Any) -> jax.Array:
+    """The first value for walls that look north or south, the second for west and east.
+
+    Free walls that look elsewhere have their mean (see `raycast.Hits`).
+    """
+    if horizontal.dtype == bool:
+        return jnp.where(horizontal, lengthwise, crosswise)
+    return crosswise + (lengthwise - crosswise) * horizontal
 
 
 def pack_rgb(colour: Any, light: Any) -> Any:

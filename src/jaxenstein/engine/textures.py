@@ -19,6 +19,8 @@ from .shade import pack_rgb
 
 SHADES = 32
 """Levels of brightness; shade 0 is full light."""
+COVER, ADD, MEAN = range(3)
+"""How a picture meets what is behind it."""
 Place = tuple[float, float]
 """A point (column, row) in a pixel, from (0, 0) at the upper left corner to (1, 1)."""
 CENTRE: Place = (0.5, 0.5)
@@ -56,10 +58,12 @@ class Materials(PyTreeNode):
         height: int32[M], in texels, a power of two.
         across: int32[M], texels per tile from left to right.
         down: float32[M], texels per tile from top to bottom.
-        offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map.
+        offset: int32[M], added to the texel column, which is 0 where x or y is 0 on the map, and at
+            the left end of a free wall.
         begin: int32[M], the texel column at which the wall begins, before the offset is added;
-            None if walls have no ends.
-        length: int32[M], the length of the wall in texel columns; None if walls have no ends.
+            None if walls have no ends. Free walls begin at 0 if it is None.
+        length: int32[M], the length of the wall in texel columns; None if walls have no ends. The
+            length of a free wall follows from `across` if it is None.
     """
 
     first: np.ndarray
@@ -95,7 +99,7 @@ class Cutouts(PyTreeNode):
 
     Attributes:
         first: int32[S], the first texel of the picture in the atlas.
-        width: int32[S], in texels.
+        width: int32[S], texels from one side of the billboard to the other.
         height: int32[S], in texels.
         half_width: float32[S], tiles from the middle to either side.
         top: float32[S], tiles from the height of the eye down to the upper edge.
@@ -104,9 +108,12 @@ class Cutouts(PyTreeNode):
         column: int32[S], the first column of the picture in `opaque`.
         opaque: uint32[words, C + 1], the opaque texels of each column as bits of one or more words;
             the highest bit of the first word is the top. The last column is empty.
-        left: int32[S], for `Sampling.screen`: the first column after the empty columns that centre
-            the picture; None for 0.
-        right: int32[S], the column after the last such column; None for the width.
+        left: int32[S], the column of the billboard at which the picture begins, which is none of
+            `opaque` and of the atlas before it; for `Sampling.screen`; None for 0.
+        right: int32[S], the column after its last one; None for the width.
+        mirrored: bool[S], whether the picture's columns run from right to left; likewise; None if
+            none do.
+        blend: int32[S], `COVER`, `ADD` or `MEAN`; None if all pictures cover what is behind them.
     """
 
     first: np.ndarray
@@ -120,20 +127,50 @@ class Cutouts(PyTreeNode):
     opaque: np.ndarray
     left: np.ndarray | None = None
     right: np.ndarray | None = None
+    mirrored: np.ndarray | None = None
+    blend: np.ndarray | None = None
+
+
+class Stamps(PyTreeNode):
+    """Pictures that lie over the image, such as a weapon in the player's hands; S of them.
+
+    They are in full light. Places are on a screen of 320 by 200, which fills the image.
+
+    Attributes:
+        first, width, height, column, opaque: as those of `Cutouts`.
+        left: int32[S], columns from the left edge of a picture at the place (0, 0) to the screen's.
+        top: int32[S], rows from its upper edge to the screen's.
+        sway: by how much pictures are moved: to either side at most, and down at least and at most.
+    """
+
+    first: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    column: np.ndarray
+    opaque: np.ndarray
+    left: np.ndarray
+    top: np.ndarray
+    sway: tuple[int, int, int] = static(default=(0, 0, 0))
 
 
 class Textures(PyTreeNode):
     """The pictures of a `scene.Theme` in numpy, which are constants of the program.
 
     Attributes:
-        atlas: uint32[SHADES * T], packed colours; texel t in shade s is at s * T + t.
+        atlas: uint32[SHADES * T + E], packed colours; texel t in shade s is at s * T + t.
         walls: the pictures on walls.
         of_wall: int32[n], the row of `walls` for each entry of `Level.walls`.
         of_face: int32[4, R, C], the row of `walls` for each face of a level of that size, margin
-            included, in the order west, east, north, south; None to use `of_wall`.
+            included, in the order west, east, north, south; int32[L] for each of its free walls;
+            None to use `of_wall`.
         flats: the pictures of ceiling and floor.
         cutouts: the pictures of billboards, in the order of `Sprites.picture`.
         sampling: the points of a pixel at which textures are sampled.
+        extra: E, texels after those in all shades: they are in full light only.
+        stamps: pictures that lie over the image, in the order of `Held.picture`, or None.
+        blends: uint32[2**15], the packed colour for each colour of five bits a channel, red
+            highest, to which sums and means of colours are rounded; None if all pictures cover
+            what is behind them.
     """
 
     atlas: np.ndarray
@@ -143,11 +180,14 @@ class Textures(PyTreeNode):
     cutouts: Cutouts
     of_face: np.ndarray | None = None
     sampling: Sampling = static(default=Sampling())
+    extra: int = static(default=0)
+    stamps: Stamps | None = None
+    blends: np.ndarray | None = None
 
     @property
     def size(self) -> int:
         """The number of texels in one shade."""
-        return len(self.atlas) // SHADES
+        return (len(self.atlas) - self.extra) // SHADES
 
     def __repr__(self) -> str:
         """A short form, as for `scene.Theme`."""
@@ -169,16 +209,37 @@ def build_atlas(
         pictures: arrays [height, width, ...] that `paint` accepts; the atlas holds an object once.
         paint: a function of (picture, shade) that returns words uint32[height, width] 0x00BBGGRR.
     """
+    parts, first = _laid_out(
+        pictures, lambda picture: np.stack([paint(picture, shade).T for shade in range(SHADES)])
+    )
+    return np.concatenate(parts, axis=1).reshape(-1), first
+
+
+def append_bright(
+    atlas: np.ndarray,
+    pictures: Sequence[np.ndarray],
+    paint: Callable[[np.ndarray, int], np.ndarray] = darkened,
+) -> tuple[np.ndarray, np.ndarray]:
+    """An atlas with more pictures, in full light only; the result is that of `build_atlas`."""
+    if not pictures:
+        return atlas, np.zeros(0, np.int32)
+    parts, first = _laid_out(pictures, lambda picture: paint(picture, 0).T[None])
+    return np.concatenate([atlas, *(part[0] for part in parts)]), first + np.int32(len(atlas))
+
+
+def _laid_out(
+    pictures: Sequence[np.ndarray], paint: Callable[[np.ndarray], np.ndarray]
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """uint32[shades, texels] of each object; int32[pictures], the place of its first texel."""
     places: dict[int, int] = {}
     parts, size = [], 0
     for picture in pictures:
         if id(picture) not in places:
             places[id(picture)] = size
-            shades = np.stack([paint(picture, shade).T for shade in range(SHADES)])
-            parts.append(shades.reshape(SHADES, -1))
+            painted = paint(picture)
+            parts.append(painted.reshape(len(painted), -1))
             size += parts[-1].shape[1]
-    atlas = np.concatenate(parts, axis=1).reshape(-1)
-    return atlas, np.array([places[id(picture)] for picture in pictures], np.int32)
+    return parts, np.array([places[id(picture)] for picture in pictures], np.int32)
 
 
 def pack_opaque(masks: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -210,7 +271,6 @@ def shade_of(light: Any) -> Any:
 
 def entry(table: Array, index: Any) -> Any:
     """Entries of a table [n]; a table of equal entries needs no lookup."""
-    values = np.asarray(table)
-    if (values == values[0]).all():
-        return jnp.full(index.shape, values[0])
-    return jnp.asarray(values).at[index].get(mode="promise_in_bounds")
+    if isinstance(table, np.ndarray) and (table == table[0]).all():
+        return jnp.full(index.shape, table[0])
+    return jnp.asarray(table).at[index].get(mode="promise_in_bounds")

@@ -89,7 +89,8 @@ class FirstPerson(Environment[S, P]):
             raise SettingError(f"textures need look='plain', not look={quoted(self.look)}")
         if self.look == "game" and not self.takes_game_look:
             raise SettingError(
-                "look='game' is only for doom-my-way-home, doom-health-gathering and their variants"
+                "look='game' is only for Doom's scenarios, without doom-deathmatch and "
+                "doom-predict-position"
             )
         for name in ("look_seeds", "look_range"):
             given = getattr(self, name)

@@ -10,7 +10,7 @@ import pytest
 from fidelity.doom_motion import BUTTONS, replay
 from fidelity.doom_recording import load
 from jaxenstein.tasks.doom.collision import build_geometry, load_geometry
-from jaxenstein.tasks.doom.maps import Line, load_map, parse_map
+from jaxenstein.tasks.doom.maps import Line, ends_of, load_map, parse_map
 from jaxenstein.tasks.doom.physics import Body, Buttons, numbered, tic
 from tests.reference.doom import ONE, Player, Wall, World
 
@@ -18,7 +18,7 @@ RECORDINGS = Path(__file__).parent / "recordings"
 
 
 def world_of(name: str) -> World:
-    return World([Wall(w.x0, w.y0, w.x1, w.y1) for w in load_map(name).walls])
+    return World([Wall(*ends) for ends in ends_of(load_map(name).walls).reshape(-1, 4).tolist()])
 
 
 def inside(world: World, x: int, y: int) -> bool:

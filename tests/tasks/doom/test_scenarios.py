@@ -10,7 +10,7 @@ import pytest
 import jaxenstein
 from fidelity.doom_recording import Recording, load
 from jaxenstein.tasks.doom.fixed import ONE
-from jaxenstein.tasks.doom.maps import load_free_places, load_map, rasterise
+from jaxenstein.tasks.doom.maps import ends_of, load_free_places, load_map, rasterise
 from tests.reference.doom import Wall, World
 from tests.tasks.doom.cases import first_state, make, player, started
 
@@ -109,7 +109,9 @@ def test_things_are_placed_uniformly_where_they_fit(name: str) -> None:
     places = load_free_places(name)
     bits = jax.random.bits(jax.random.key(0), (20_000, 3), jnp.uint32)
     drawn = np.asarray(places.sample(bits))
-    world = World(walls := [Wall(w.x0, w.y0, w.x1, w.y1) for w in load_map(name).walls])
+    world = World(
+        walls := [Wall(*ends) for ends in ends_of(load_map(name).walls).reshape(-1, 4).tolist()]
+    )
     ends = np.array([(w.x0, w.y0, w.x1, w.y1) for w in walls]).reshape(-1, 2, 2)
     least, most = ends.min(axis=1), ends.max(axis=1)
     x, y = drawn[:, 0] / ONE, drawn[:, 1] / ONE

@@ -17,6 +17,7 @@ from ...environment import Info
 from ...pytree import PyTreeNode
 from .collision import along, first_body
 from .fixed import byte, spread
+from .game_weapon import WEAPON_LOOKS, WeaponLook
 from .parts import Game, Part
 from .weapons import Slot, Trigger, Weapon, pull
 
@@ -248,6 +249,11 @@ class Arsenal(Part):
         flies = (np.arange(self.rays) < weapon.rays) & (weapon.speed == 0)
         damage = jnp.where(flies, weapon.damage(byte(bits, 2)), 0)
         return jnp.sum(jnp.where(hit, damage[:, None], 0), axis=0, dtype=jnp.int32)
+
+    @property
+    def weapon_look(self) -> WeaponLook | None:
+        """The game's pictures of its only weapon; None for one that never fires."""
+        return WEAPON_LOOKS[self.slots[0].weapon.name] if self.most else None
 
     def show(self, image: jax.Array, state: Any, kind: ImageKind) -> jax.Array:
         """Draw the weapon in the player's hands onto an image."""

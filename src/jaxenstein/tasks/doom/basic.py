@@ -22,6 +22,7 @@ from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .fixed import ONE
+from .game_things import Look, Shown
 from .monster_kinds import CACODEMON
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
@@ -78,10 +79,22 @@ class Target(Part):
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
 
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures of the monster alive and hit."""
+        return tuple(Look("HEAD", letter, picture=i) for i, letter in enumerate("AG"))
+
     def sprites(self, state: DoomBasicState) -> Sprites:
         """The monster, alive or dead."""
         dead = state.killed[None].astype(jnp.int32)
         return Sprites(state.target[None], dead, jnp.ones(1, bool))
+
+    def shown(self, state: DoomBasicState, tic: jax.Array) -> Shown:
+        """The monster, which looks west, in the game's pictures."""
+        del tic
+        west = jnp.full(1, np.uint32(1 << 31))
+        places, looks, visible, _ = self.sprites(state)
+        return Shown(places, looks, visible, west)
 
     def from_game(self, state: DoomBasicState, game: Game) -> DoomBasicState:
         """Read the monster from the game."""
@@ -117,6 +130,8 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
     params_class: ClassVar[type[Params]] = DoomBasicParams
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
+    takes_game_look: ClassVar[bool] = True
+    first_tic: ClassVar[int] = 14
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT, ATTACK)
 
     @property
@@ -138,7 +153,10 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
     @functools.cached_property
     def rockets(self) -> Missiles:
         """The rockets; none for the pistol."""
-        return rockets(3 if self.rocket else 0, half_width=0, name="CustomRocket")
+        pictured = self.look == "game"
+        return rockets(
+            3 if self.rocket else 0, half_width=0, name="CustomRocket", pictured=pictured
+        )
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:

@@ -20,7 +20,7 @@ from .collision import Geometry, build_geometry, offsets, segments
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import ONE
 from .items import Goal
-from .maps import ARMOUR, MapThing, TileGrid, fill
+from .maps import ARMOUR, MapThing
 from .monster_ai import sight
 from .monster_kinds import CHAINGUN_GUY, SHOTGUN_GUY, ZOMBIE, standing
 from .monsters import Horde
@@ -80,18 +80,15 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCorridorParams
+    takes_game_look: ClassVar[bool] = True
     success_event: ClassVar[str] = "reached_goal"
+    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = ALL_MOVES
 
     @property
     def room(self) -> Room:
         """A corridor with alcoves."""
         return Room("deadly-corridor", floor=BROWN, ceiling=BROWN)
-
-    @functools.cached_property
-    def tiles(self) -> TileGrid:
-        """The corridor and its alcoves in tiles."""
-        return fill(self.doom_map, self.unit)
 
     @functools.cached_property
     def geometry(self) -> Geometry:
@@ -114,7 +111,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         """The monsters of the map by their ids: they never move, and react at once."""
         walls = segments(self.doom_map.walls)
         kinds = [standing(_KINDS[thing.kind]) for thing in self._marksmen]
-        return Horde(kinds, walls=walls, opaque=walls, fast=True)
+        return Horde(kinds, walls=walls, opaque=walls, fast=True, pictured=self.look == "game")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:

@@ -20,7 +20,7 @@ from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, segments
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import direction
-from .maps import Line, TileGrid, fill
+from .maps import Line
 from .monster_kinds import CHAINSAW_MARINE, DEMON
 from .monsters import Horde
 from .parts import Health, Part
@@ -76,6 +76,8 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCenterParams
+    takes_game_look: ClassVar[bool] = True
+    first_tic: ClassVar[int] = 10
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
 
     @property
@@ -87,7 +89,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     def horde(self) -> Horde:
         """Three marines and two demons in turn."""
         kinds = [CHAINSAW_MARINE, DEMON, CHAINSAW_MARINE, DEMON, CHAINSAW_MARINE]
-        return Horde(kinds, walls=segments(self.doom_map.walls))
+        return Horde(kinds, walls=segments(self.doom_map.walls), pictured=self.look == "game")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
@@ -98,11 +100,6 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
     def parts(self) -> tuple[Part, ...]:
         """Health, weapon, monsters."""
         return Health(FULL_HEALTH), self.arsenal, self.horde
-
-    @functools.cached_property
-    def tiles(self) -> TileGrid:
-        """The round hall in tiles."""
-        return fill(self.doom_map, self.unit)
 
     @functools.cached_property
     def geometry(self) -> Geometry:

@@ -70,6 +70,8 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomLineParams
+    takes_game_look: ClassVar[bool] = True
+    first_tic: ClassVar[int] = 10
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
 
     @property
@@ -81,7 +83,7 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
     def horde(self) -> Horde:
         """The imps, then the demons."""
         kinds = [standing(IMP)] * len(_IMPS) + [DEMON] * len(_DEMONS)
-        return Horde(kinds, walls=segments(self.doom_map.walls))
+        return Horde(kinds, walls=segments(self.doom_map.walls), pictured=self.look == "game")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
@@ -91,7 +93,7 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
     @functools.cached_property
     def fireballs(self) -> Missiles:
         """The fireballs of the imps."""
-        return fireballs(24)
+        return fireballs(24, pictured=self.look == "game")
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:

@@ -228,7 +228,7 @@ def fly_rockets(
     after, hits = missiles.fly(before, bodies, horde.opaque)
     ends = before.flies & ~after.flies
     # Blasts start one check before the end, in front of any wall. Few rockets end in a tic.
-    sources = after.position, after.position - before.velocity // missiles.looks
+    sources = after.position, after.position - before.velocity // missiles.checks
     blasts = where_few(partial(_blasts, widths, horde.opaque), FEW)
     damage = jnp.where(hits, direct[:, None], 0) + blasts(jnp.any(ends), *sources, places)
     damage = jnp.where(ends[:, None], damage, 0)

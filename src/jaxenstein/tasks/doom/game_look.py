@@ -8,128 +8,37 @@ row, with the light of the upper edge.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...engine.scene import Theme
 from ...engine.shade import luma, pack_rgb
 from ...engine.textures import (
-    Cutouts,
     Flats,
-    Materials,
     Sampling,
     Textures,
+    append_bright,
     build_atlas,
-    pack_opaque,
     sides_of,
 )
 from ...errors import WadError, quoted
-from .maps import DoomMap, Line, TileGrid, ends_of, load_map, rasterise, wall_faces
-from .view import EYE
-from .wad import Picture, Wad
+from .game_things import Look, Views, cutouts_of, kept_once, read_views
+from .game_walls import wall_materials, wall_rows
+from .game_weapon import WeaponLook, read_stamps, stamps_of
+from .maps import load_map, tiled
+from .wad import Wad
 
 # The narrowest screen of the game, and the screen from which smaller frames are sampled.
 LEAST_WIDTH, SCREEN = 160, (240, 320)
 # Rows from the edge of a pixel to its sample, so that a sample between two texels is in the lower
 # one: the eye of a player who stands is at such a height.
-NUDGE = 2.0**-13
+NUDGE, LEAST_NUDGE = 2.0**-13, 2.0**-16
 # `view.ROW_FOCAL_SHARE` of the game itself, whose aspect of 6 to 5 is a whole number of 65536ths.
 GAME_FOCAL_SHARE = 78643 / 65536 * 2 / 3
 # The colour that tints a frame in the tic of a pickup, and its share in 256ths.
 GOLD, GOLD_SHARE = (215, 186, 69), 48
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A picture of a thing: its letter, for how many tics it is shown, and if in full light.
-
-    `height` is the height of the thing above the floor in map units.
-    """
-
-    letter: str = "A"
-    tics: int = 1
-    bright: bool = False
-    height: int = 0
-
-
-@dataclass(frozen=True)
-class Animation:
-    """The pictures that a thing shows in turn.
-
-    Attributes:
-        sprite: the four letters of its pictures' names.
-        frames: its frames.
-        start: the age at which the first frame begins, in tics.
-        once: how many of the first frames are not repeated.
-    """
-
-    sprite: str
-    frames: tuple[Frame, ...] = (Frame(),)
-    start: int = 0
-    once: int = 0
-
-    @functools.cached_property
-    def looks(self) -> tuple[Frame, ...]:
-        """Its frames without their durations, each once."""
-        return tuple(dict.fromkeys(replace(frame, tics=1) for frame in self.frames))
-
-    def look_at(self, age: jax.Array) -> jax.Array:
-        """int32[...]: the index in `looks` at an age int32[...] in tics."""
-        looks = [self.looks.index(replace(frame, tics=1)) for frame in self.frames]
-        tics = [frame.tics for frame in self.frames]
-        first, every = sum(tics[: self.once]), sum(tics[self.once :])
-        tic = age - self.start
-        again = first + (tic - first) % every
-        tic = jnp.where(tic < first, jnp.maximum(tic, 0), again) if first else again
-        table = np.repeat(np.array(looks, np.int32), tics)
-        return jnp.asarray(table).at[tic].get(mode="promise_in_bounds")
-
-
-def falling(*frames: Frame) -> tuple[Frame, ...]:
-    """The frames in the tics in which a thing falls from the height at which scripts make it.
-
-    Gravity adds a map unit per tic to its speed, as in the game.
-    """
-    heights = [20, 19, 17, 14, 10, 5]
-    return tuple(replace(frame, height=z) for frame, z in zip(frames, heights, strict=True))
-
-
-_BOTTLE = [Frame(letter) for letter in "ABCDCB" for _ in range(6)]
-# A thing that a script made: its age is 0 in the first tic that shows it, the second of its frame.
-_MEDKIT = Animation("MEDI", (*falling(*[Frame()] * 6), Frame()), once=6)
-ANIMATIONS = {
-    "GreenArmor": Animation("ARM1", (Frame("A", 6), Frame("B", 7, bright=True)), start=11),
-    "Medikit": _MEDKIT,
-    "CustomMedikit": _MEDKIT,
-    "Poison": Animation("BON1", (*falling(*_BOTTLE[1:7]), *_BOTTLE[7:], *_BOTTLE[:7]), once=6),
-}
-"""The pictures of things, by the game's names."""
-
-
-def rows_at(animations: Sequence[Animation], age: jax.Array, picture: jax.Array) -> jax.Array:
-    """int32[N]: rows of the tables of `with_looks`.
-
-    Args:
-        animations: of the things.
-        age: int32[N], tics since each appeared or, if it always was there, since the game began.
-        picture: int32[N], numbers of animations.
-    """
-    row, first = jnp.zeros_like(picture), 0
-    for number, one in enumerate(animations):
-        row = jnp.where(picture == number, first + one.look_at(age), row)
-        first += len(one.looks)
-    return row
-
-
-def with_looks(theme: Theme, animations: Sequence[Animation]) -> Theme:
-    """A theme with a row of the tables of billboards for each of `Animation.looks`."""
-    rows = np.repeat(np.arange(len(animations)), [len(one.looks) for one in animations])
-    names = "sprite_art", "sprite_colours", "sprite_radius", "sprite_drop", "sprite_labels"
-    return theme.replace(**{name: getattr(theme, name)[rows] for name in names})
 
 
 def screen_of(height: int, width: int, samples: int = 1) -> tuple[int, int]:
@@ -152,7 +61,7 @@ def sampling(height: int, width: int, samples: int = 1) -> Sampling:
     return Sampling(
         wall=(0.5 - across, low + NUDGE),
         plane=(0.5 + across, 0.5),
-        thing=(0.5, low),
+        thing=(0.5, low + LEAST_NUDGE),
         light_row=0.5 - down,
         samples=samples,
         screen=screen,
@@ -168,60 +77,62 @@ def gilded(image: jax.Array, shines: jax.Array) -> jax.Array:
     return jnp.where(shines, mixed.astype(jnp.uint8), image)
 
 
+class GamePictures(NamedTuple):
+    """The pictures of a scenario, and the rows of them that each look has."""
+
+    textures: Textures
+    views: Views
+
+
 @functools.cache
-def game_textures(
-    path: str, map_name: str, animations: tuple[Animation, ...], unit: int
-) -> Textures:
+def game_pictures(
+    path: str, map_name: str, looks: tuple[Look, ...], weapon: WeaponLook | None, unit: int
+) -> GamePictures:
     """The pictures of a scenario, from a WAD file.
 
     Args:
         path: the file.
         map_name: the name of the map.
-        animations: of the things.
+        looks: of the things.
+        weapon: the player's weapon, if it is shown.
         unit: map units a tile.
 
     Raises:
         WadError: the file is not a WAD file, is damaged, or lacks a picture.
     """
     wad, doom_map = Wad(path), load_map(map_name)
-    tiles = rasterise(doom_map, unit)
-    papers = {name: _paper(wad, name) for name in tiles.textures}
+    tiles = tiled(doom_map, unit)
+    papers = {name: _paper(wad, name) for name in {wall.texture for wall in doom_map.walls}}
     flats = {name: wad.flat(name) for name in doom_map.flats}
-    looks = [(one.sprite, look) for one in animations for look in one.looks]
-    names = [(sprite, look.letter) for sprite, look in looks]
-    # Looks with the same letter have one picture, of which the atlas holds one.
-    things = {name: wad.sprite(*name)[0] for name in names}
-    centred = {name: _centred(picture) for name, picture in things.items()}
-    pixels = {name: np.maximum(picture, 0) for name, picture in centred.items()}
+    views = read_views(wad, looks)
+    shown = [looks[number] for number in views.look]
+    things = kept_once(views.pictures)
+    stamps = [] if weapon is None else read_stamps(wad, weapon)
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]
     colours = _colours(wad)
-    atlas, first = build_atlas(
-        [
-            *(papers[wall.texture] for wall in doom_map.walls),
-            *planes,
-            *(pixels[name] for name in names),
-        ],
-        lambda picture, shade: colours[shade][picture],
-    )
+
+    def paint(picture: np.ndarray, shade: int) -> np.ndarray:
+        return colours[shade][np.maximum(picture, 0)]
+
     count = len(doom_map.walls)
-    begin = np.array([_begin(wall, tiles) for wall in doom_map.walls], np.int32)
-    offset = np.array([wall.offset for wall in doom_map.walls], np.int32)
-    return Textures(
-        atlas=atlas,
-        walls=Materials(
-            first[:count],
-            *sides_of([papers[wall.texture] for wall in doom_map.walls]),
-            across=np.full(count, unit, np.int32),
-            down=np.full(count, unit, np.float32),
-            offset=offset - begin,
-            begin=begin,
-            length=np.abs(np.diff(ends_of(doom_map.walls), axis=1)).sum(
-                axis=(1, 2), dtype=np.int32
-            ),
-        ),
+    # Pictures that are only shown in full light need no other shades.
+    dark = {id(pixels) for pixels, look in zip(things, shown, strict=True) if not look.bright}
+    walls = [papers[wall.texture] for wall in doom_map.walls]
+    lit = [pixels for pixels in things if id(pixels) in dark]
+    atlas, first = build_atlas([*walls, *planes, *lit], paint)
+    bright = [pixels for pixels in things if id(pixels) not in dark]
+    bright += [picture.pixels for picture in stamps]
+    whole, last = append_bright(atlas, bright, paint)
+    places = dict(zip(map(id, [*lit, *bright]), [*first[count + 2 :], *last], strict=True))
+    first_of = np.array([places[id(pixels)] for pixels in things], np.int32)
+    stamped = np.array([places[id(picture.pixels)] for picture in stamps], np.int32)
+    cutouts = cutouts_of(shown, views.pictures, first_of, unit)
+    textures = Textures(
+        atlas=whole,
+        walls=wall_materials(doom_map, tiles, first[:count], sides_of(walls)),
         of_wall=np.zeros(256, np.int32),
-        of_face=_of_face(doom_map, tiles),
+        of_face=wall_rows(doom_map, tiles),
         flats=Flats(
             first[count : count + 2],
             *sides_of(planes),
@@ -229,14 +140,26 @@ def game_textures(
             # The world's grid, in which x grows eastwards from 0, and rows southwards.
             origin=np.array([(tiles.west % 64, -tiles.north % 64)] * 2, np.float32),
         ),
-        cutouts=_cutouts(
-            [things[name] for name in names],
-            [centred[name] for name in names],
-            [look for _, look in looks],
-            first[count + 2 :],
-            unit,
-        ),
+        cutouts=cutouts,
+        extra=len(whole) - len(atlas),
+        stamps=stamps_of(stamps, stamped) if stamps else None,
+        blends=None if cutouts.blend is None else _blends(wad),
     )
+    return GamePictures(textures, views)
+
+
+def _blends(wad: Wad) -> np.ndarray:
+    """`Textures.blends`: the nearest colours of the palette, but for its first one."""
+    levels = np.arange(32, dtype=np.int32)
+    levels = levels << 3 | levels >> 2
+    palette = wad.palette()[1:].astype(np.int32)
+    found = []
+    for red in levels:
+        wanted = np.stack(np.meshgrid(red, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
+        apart = ((wanted[:, None] - palette[None]) ** 2).sum(axis=-1)
+        found.append(palette[apart.argmin(axis=1)])
+    channels = list(np.concatenate(found).T.astype(np.float32))
+    return pack_rgb(channels, np.float32(1))
 
 
 def _colours(wad: Wad) -> np.ndarray:
@@ -255,59 +178,3 @@ def _paper(wad: Wad, name: str) -> np.ndarray:
             "powers of two"
         )
     return texture
-
-
-def _of_face(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
-    """int32[4, rows, columns]: the index of the wall on each face."""
-    of_face = np.zeros(tiles.faces.shape, np.int32)
-    for number, wall in enumerate(doom_map.walls):
-        of_face[wall_faces(wall, tiles.west, tiles.north, tiles.unit)] = number
-    return of_face
-
-
-def _begin(wall: Line, tiles: TileGrid) -> int:
-    """Where a wall begins, in map units to the viewer's right from the edge of the map's tiles."""
-    x, y = wall.x0 - tiles.west, tiles.north - wall.y0
-    if wall.x0 == wall.x1:
-        return -y if wall.y1 > wall.y0 else y
-    return x if wall.x1 > wall.x0 else -x
-
-
-def _centred(picture: Picture) -> np.ndarray:
-    """int16[height, width]: a picture with the thing's position in its middle."""
-    left, right = _margins(picture)
-    return np.pad(picture.pixels, ((0, 0), (left, right)), constant_values=-1)
-
-
-def _margins(picture: Picture) -> tuple[int, int]:
-    """How many empty columns at its left and right side centre a picture."""
-    beyond = 2 * picture.left - picture.pixels.shape[1]
-    return max(0, -beyond), max(0, beyond)
-
-
-def _cutouts(
-    things: list[Picture],
-    centred: list[np.ndarray],
-    looks: list[Frame],
-    first: np.ndarray,
-    unit: int,
-) -> Cutouts:
-    column, opaque = pack_opaque([pixels >= 0 for pixels in centred])
-    widths, heights = sides_of(centred)
-    top = np.array(
-        [EYE - look.height - thing.top for look, thing in zip(looks, things, strict=True)]
-    )
-    margins = np.array([_margins(picture) for picture in things], np.int32)
-    return Cutouts(
-        first,
-        widths,
-        heights,
-        half_width=(widths / (2 * unit)).astype(np.float32),
-        top=(top / unit).astype(np.float32),
-        bottom=((top + heights) / unit).astype(np.float32),
-        bright=np.array([look.bright for look in looks]),
-        column=column,
-        opaque=opaque,
-        left=margins[:, 0],
-        right=widths - margins[:, 1],
-    )

@@ -39,10 +39,10 @@ class Line:
     `offset` is the column of the texture at the first end.
     """
 
-    x0: int
-    y0: int
-    x1: int
-    y1: int
+    x0: float
+    y0: float
+    x1: float
+    y1: float
     texture: str
     offset: int = 0
 
@@ -115,7 +115,7 @@ def parse_map(text: str) -> DoomMap:
     for line in text.splitlines():
         word, *rest = line.split()
         if word in ("wall", "rail"):
-            x0, y0, x1, y1 = map(int, rest[:4])
+            x0, y0, x1, y1 = (int(v) if v.is_integer() else v for v in map(float, rest[:4]))
             (walls if word == "wall" else rails).append(
                 Line(x0, y0, x1, y1, rest[4], *map(int, rest[5:]))
             )
@@ -131,8 +131,13 @@ def parse_map(text: str) -> DoomMap:
 
 
 def ends_of(walls: Sequence[Line]) -> np.ndarray:
-    """int64[L, 2, 2]: both ends of each wall, x and y in map units."""
-    return np.array([(w.x0, w.y0, w.x1, w.y1) for w in walls], np.int64).reshape(-1, 2, 2)
+    """int64[L, 2, 2]: both ends of each wall, x and y in whole map units."""
+    return np.rint(exact_ends_of(walls)).astype(np.int64)
+
+
+def exact_ends_of(walls: Sequence[Line]) -> np.ndarray:
+    """float64[L, 2, 2]: both ends of each wall, x and y in map units."""
+    return np.array([(w.x0, w.y0, w.x1, w.y1) for w in walls], np.float64).reshape(-1, 2, 2)
 
 
 @dataclass(frozen=True)
@@ -175,6 +180,17 @@ class TileGrid:
         return compile_level(self.faces, np.zeros((0, 2), np.int32))
 
 
+def on_lattice(wall: Line, unit: int) -> bool:
+    """Whether a wall runs along the sides of tiles of so many map units."""
+    return not (exact_ends_of([wall]) % unit).any() and (wall.x0 == wall.x1) != (wall.y0 == wall.y1)
+
+
+def tiled(doom_map: DoomMap, unit: int) -> TileGrid:
+    """The tiles of a map: `rasterise` if all walls are on the lattice, else `fill`."""
+    exact = all(on_lattice(wall, unit) for wall in doom_map.walls)
+    return (rasterise if exact else fill)(doom_map, unit)
+
+
 def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
     """The tiles of a map whose walls are all on a lattice.
 
@@ -189,8 +205,8 @@ def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
     """
     walls = doom_map.walls
     for wall in walls:
-        ends = wall.x0, wall.y0, wall.x1, wall.y1
-        if any(end % unit for end in ends):
+        if not on_lattice(wall, unit):
+            ends = wall.x0, wall.y0, wall.x1, wall.y1
             raise MapError(f"the wall {ends} is not on a lattice of {unit} map units")
     (west, south), (east, north) = (
         f(ends_of(walls), axis=(0, 1)).tolist() for f in (np.min, np.max)
@@ -198,10 +214,10 @@ def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
     west, north = west - unit, north + unit
     columns, rows = (east - west) // unit + 1, (north - south) // unit + 1
     inside = np.zeros((rows, columns), bool)
-    for wall in walls:
-        if wall.x0 == wall.x1:
-            first, last = sorted((north - y) // unit for y in (wall.y0, wall.y1))
-            inside[first:last, (wall.x0 - west) // unit :] ^= True
+    for (x0, y0), (x1, y1) in ends_of(walls).tolist():
+        if x0 == x1:
+            first, last = sorted((north - y) // unit for y in (y0, y1))
+            inside[first:last, (x0 - west) // unit :] ^= True
     textures = tuple(sorted({wall.texture for wall in walls}))
     faces = np.where(inside, 0, WALL).astype(np.uint8)[None].repeat(4, axis=0)
     for wall in walls:
@@ -232,14 +248,15 @@ def wall_faces(
     wall: Line, west: int, north: int, unit: int
 ) -> tuple[int, slice | int, slice | int]:
     """The faces of the solid tiles behind a wall: side, rows and columns (see `TileGrid`)."""
-    left, right = sorted((x - west) // unit for x in (wall.x0, wall.x1))
-    top, bottom = sorted((north - y) // unit for y in (wall.y0, wall.y1))
+    (x0, y0), (x1, y1) = ends_of([wall])[0].tolist()
+    left, right = sorted((x - west) // unit for x in (x0, x1))
+    top, bottom = sorted((north - y) // unit for y in (y0, y1))
     if left == right:
         # Going north, the open side on the right is the east side.
-        face, column = (_EAST, left - 1) if wall.y1 > wall.y0 else (_WEST, left)
+        face, column = (_EAST, left - 1) if y1 > y0 else (_WEST, left)
         return face, slice(top, bottom), column
     # Going east, the open side on the right is the south side.
-    face, row = (_SOUTH, top - 1) if wall.x1 > wall.x0 else (_NORTH, top)
+    face, row = (_SOUTH, top - 1) if x1 > x0 else (_NORTH, top)
     return face, row, slice(left, right)
 
 

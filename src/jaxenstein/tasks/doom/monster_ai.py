@@ -106,6 +106,9 @@ def act(
     position, direction, steps_left = walk(
         horde, monsters, player, offset, walks, turns, bits[:, 0]
     )
+    if horde.pictured:
+        faces = begins & (horde.at(horde.faces, frame) != 0)
+        monsters = monsters.replace(facing=_turned(monsters, chases, faces, offset))
     after = monsters.replace(
         position=position,
         frame=frame,
@@ -119,6 +122,23 @@ def act(
         just_hit=None if monsters.just_hit is None else monsters.just_hit & ~may_shoot,
     )
     return after, begins & (horde.at(horde.acts, frame) >= Act.BITE)
+
+
+def _turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:
+    """uint32[N]: the headings after a tic; they only matter to the eye.
+
+    Args:
+        monsters: the monsters before the tic.
+        steps: bool[N], which of them take a step, before which they turn by an eighth of a circle.
+        faces: bool[N], which of them turn to their enemy.
+        offset: int32[N, 2], from each to its enemy.
+    """
+    eighth = (monsters.facing >> 29).astype(jnp.int32)
+    apart = (eighth - monsters.direction) & 7
+    towards = eighth + jnp.where(apart == 0, 0, jnp.where(apart < 4, -1, 1))
+    steps = steps & (monsters.direction < _DIRECTIONS)
+    facing = jnp.where(steps, towards.astype(jnp.uint32) << 29, monsters.facing)
+    return jnp.where(faces, bearing(offset).astype(jnp.uint32), facing)
 
 
 def _settled(monsters: Monsters) -> Monsters:

@@ -38,12 +38,17 @@ class MonsterFrame:
         pose: its picture.
         act: the action at its start.
         back: how many frames to go back while the player can still be attacked; -1 for never.
+        letter: of the game's picture, with `look="game"`.
+        faces: whether the monster turns to its enemy at the start of the frame; only seen with
+            `look="game"`.
     """
 
     tics: int
     pose: Pose
     act: Act = Act.NOTHING
     back: int = -1
+    letter: str = ""
+    faces: bool = False
 
 
 def _standing(tics: int) -> tuple[MonsterFrame, ...]:
@@ -78,7 +83,7 @@ class MonsterKind:
         walk: frames after that, and after all others.
         melee: frames of an attack on a player close by; empty if it has none.
         missile: frames of an attack from a distance.
-        flinch: tics for which pain stops it.
+        pain: frames of flinching.
         pain_chance: probability of flinching when hit, in 256ths.
         dice: damage is this times the roll of a die.
         sides: sides of that die.
@@ -102,7 +107,7 @@ class MonsterKind:
     walk: tuple[MonsterFrame, ...]
     melee: tuple[MonsterFrame, ...] = ()
     missile: tuple[MonsterFrame, ...] = ()
-    flinch: int = 4
+    pain: tuple[MonsterFrame, ...] = (MonsterFrame(4, Pose.AIM),)
     pain_chance: int = 0
     dice: int = 0
     sides: int = 1
@@ -192,7 +197,7 @@ CACODEMON = MonsterKind(
     speed=8,
     stand=_standing(10),
     walk=(MonsterFrame(3, Pose.ONE, Act.CHASE),),
-    flinch=12,
+    pain=(MonsterFrame(12, Pose.AIM),),
     pain_chance=128,
 )
 _BRUISING = (*_THROWING[:2], MonsterFrame(8, Pose.TWO, Act.THROW))
@@ -229,7 +234,7 @@ ZOMBIE = MonsterKind(
         MonsterFrame(8, Pose.AIM, Act.SHOOT),
         MonsterFrame(8, Pose.AIM),
     ),
-    flinch=6,
+    pain=(MonsterFrame(6, Pose.AIM),),
     pain_chance=200,
     dice=3,
     sides=5,

@@ -21,7 +21,9 @@ from ...environment import Info
 from ...pytree import PyTreeNode
 from .collision import RADIUS
 from .fixed import byte
+from .game_things import Look, Shown
 from .monster_kinds import Act, MonsterFrame, MonsterKind, Pose
+from .monster_looks import detailed, look_of
 from .parts import Game, GameObject, Part, Sprites
 
 REACTION = 8
@@ -92,9 +94,10 @@ class Horde(Part):
         kind_of: int32[N], the index of each monster's kind.
         fast: whether they react at once and attack without pausing, as in the game's skill 5.
         infighting: whether monsters that are hurt by another one attack it.
+        pictured: whether they have the game's pictures: a frame for each, and they turn.
         opaque: float32[L, 4], the walls that block sight and bullets.
         walls: float32[L, 4], the walls that block monsters.
-        frame_tics, following, back, acts, poses: int32[F], for each frame.
+        frame_tics, following, back, acts, poses, faces: int32[F], for each frame.
         stand, walk, melee, missile, pain, die: int32[N], the first such frame of each, or -1.
         half_width, speed, health, pain_chance, dice, sides, rays, spread, ball_speed, ball_dice,
             ball_sides: int32[N], as in `MonsterKind`.
@@ -111,6 +114,7 @@ class Horde(Part):
         opaque: np.ndarray | None = None,
         fast: bool = False,
         infighting: bool = False,
+        pictured: bool = False,
     ) -> None:
         """Build the tables.
 
@@ -120,17 +124,22 @@ class Horde(Part):
             opaque: as in the class; none by default.
             fast: as in the class.
             infighting: as in the class.
+            pictured: as in the class.
         """
+        kinds = [detailed(kind) for kind in kinds] if pictured else kinds
+        self.pictured = pictured
         self.fast, self.infighting = np.bool_(fast), infighting
         self.walls = walls
         self.opaque = np.zeros((0, 4), np.float32) if opaque is None else opaque
         self.kinds = tuple(dict.fromkeys(kinds))
         self.kind_of = np.array([self.kinds.index(kind) for kind in kinds], np.int32)
         self.objects = tuple(GameObject(k.game_name, k.label, k.pictures) for k in self.kinds)
-        self._rows: list[tuple[int, int, int, int, int]] = []
+        self._rows: list[tuple[int, int, int, int, int, int, Look]] = []
         starts = np.array([self._lay_out(kind) for kind in self.kinds], np.int32)
-        tables = np.array(self._rows, np.int32).T
+        tables = np.array([row[:5] for row in self._rows], np.int32).T
         self.frame_tics, self.following, self.back, self.acts, self.poses = tables
+        self.faces = np.array([row[5] for row in self._rows], np.int32)
+        self._looks = [row[6] for row in self._rows]
         firsts = starts[self.kind_of].T
         self.stand, self.walk, self.melee, self.missile, self.pain, self.die = firsts
         self.half_width, self.speed = self._numbers("half_width"), self._numbers("speed")
@@ -151,22 +160,25 @@ class Horde(Part):
     def _lay_out(self, kind: MonsterKind) -> tuple[int, ...]:
         """Add the frames of a kind; returns the first frame of each sequence."""
         walk = len(self._rows)
-        walks = self._add(kind.walk, walk)
-        stand = self._add(kind.stand, len(self._rows))
-        melee = self._add(kind.melee, walk)
-        missile = self._add(kind.missile, walk)
-        pain = self._add((MonsterFrame(kind.flinch, Pose.AIM),), walk)
-        die = self._add(kind.die, len(self._rows) + len(kind.die) - 1)
+        walks = self._add(kind, kind.walk, walk)
+        stand = self._add(kind, kind.stand, len(self._rows))
+        melee = self._add(kind, kind.melee, walk)
+        missile = self._add(kind, kind.missile, walk)
+        pain = self._add(kind, kind.pain, walk)
+        die = self._add(kind, kind.die, len(self._rows) + len(kind.die) - 1)
         return stand, walks, melee, missile, pain, die
 
-    def _add(self, frames: Sequence[MonsterFrame], after: int) -> int:
+    def _add(self, kind: MonsterKind, frames: Sequence[MonsterFrame], after: int) -> int:
         """Add frames that lead to row `after`; returns the row of the first one, or -1."""
+        pictures = len(Pose) * self.kinds.index(kind)
         first = len(self._rows)
         for i, frame in enumerate(frames):
             row = first + i
             following = row + 1 if i + 1 < len(frames) else after
             back = row - frame.back if frame.back >= 0 else -1
-            self._rows.append((frame.tics, following, back, frame.act, frame.pose))
+            look = look_of(kind, frame, pictures + frame.pose)
+            row = frame.tics, following, back, frame.act, frame.pose, frame.faces, look
+            self._rows.append(row)
         return first if frames else -1
 
     def place_of(self, kind: MonsterKind) -> int:
@@ -187,6 +199,20 @@ class Horde(Part):
         monsters = state.monsters
         pictures = jnp.asarray(self.kind_of) * len(Pose) + self.at(self.poses, monsters.frame)
         return Sprites(monsters.position, pictures, monsters.present)
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures of all frames, each once."""
+        return tuple(dict.fromkeys(self._looks))
+
+    def shown(self, state: Any, tic: jax.Array) -> Shown:
+        """The monsters in the game's pictures."""
+        del tic
+        looks = self.looks
+        table = np.array([looks.index(look) for look in self._looks], np.int32)
+        monsters = state.monsters
+        look = self.at(table, monsters.frame)
+        return Shown(monsters.position, look, monsters.present, monsters.facing)
 
     def describe(self, state: Any) -> Info:
         """The number of monsters killed so far."""

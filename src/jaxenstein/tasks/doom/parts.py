@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ...engine.shade import ImageKind
 from ...environment import Info
+from .game_things import ANIMATIONS, Look, Shown, looks_at, looks_of
+from .game_weapon import WeaponLook
 from .view import Picture
 
 
@@ -85,6 +88,25 @@ class Part:
     def sprites(self, state: Any) -> Sprites | None:
         """The sprites of the part."""
         del state
+        return None
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """With `look="game"`, the game's pictures that it shows."""
+        return looks_of([ANIMATIONS[thing.name] for thing in self.objects])
+
+    def shown(self, state: Any, tic: jax.Array) -> Shown | None:
+        """With `look="game"`, what the part shows in a tic int32[] of the game."""
+        found = self.sprites(state)
+        if found is None:
+            return None
+        animations = [ANIMATIONS[thing.name] for thing in self.objects]
+        age = jnp.broadcast_to(tic if found.age is None else found.age, found.visible.shape)
+        return Shown(found.places, looks_at(animations, age, found.pictures), found.visible)
+
+    @property
+    def weapon_look(self) -> WeaponLook | None:
+        """With `look="game"`, the game's pictures of the weapon in the player's hands."""
         return None
 
     def show(self, image: jax.Array, state: Any, kind: ImageKind) -> jax.Array:

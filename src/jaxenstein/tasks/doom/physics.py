@@ -227,6 +227,12 @@ def bobbed(
     return steps, jnp.where(jnp.any(velocity != 0), after, 0)
 
 
+def bob_swing(steps: jax.Array) -> jax.Array:
+    """float32[]: how far steps int32[2] make the weapon swing, and the eye half as much."""
+    speed = steps.astype(jnp.float32) * np.float32(1 / ONE)
+    return jnp.minimum(jnp.sum(speed * speed) * np.float32(_BOB_SHARE), np.float32(_BOB_MOST))
+
+
 def bob_height(steps: jax.Array, time: jax.Array) -> jax.Array:
     """float32[]: how many map units the eye is above its usual height.
 
@@ -234,8 +240,7 @@ def bob_height(steps: jax.Array, time: jax.Array) -> jax.Array:
         steps: int32[2], from `bobbed`.
         time: int32[], tics since the game began.
     """
-    speed = steps.astype(jnp.float32) * np.float32(1 / ONE)
-    swing = jnp.minimum(jnp.sum(speed * speed) * np.float32(_BOB_SHARE), np.float32(_BOB_MOST))
+    swing = bob_swing(steps)
     phase = (time % _BOB_TICS).astype(jnp.float32) * np.float32(2 * np.pi / _BOB_TICS)
     return swing * jnp.sin(phase) * np.float32(0.5)
 

@@ -10,10 +10,12 @@ import numpy as np
 
 from ..._jax.batching import varying
 from ...about import Event
+from ...engine.textures import ADD, COVER
 from ...maps.things import FIREBALL, ROCKET
 from ...pytree import PyTreeNode
-from .collision import RADIUS, along, crosses
+from .collision import RADIUS, along, bearing, crosses
 from .fixed import ONE
+from .game_things import Look, MissileLook, Shown
 from .parts import Game, GameObject, Part, Sprites
 from .view import Picture
 from .weapons import Weapon
@@ -25,6 +27,12 @@ _FIREBALLS = (
 _ROCKETS = (
     Picture("rocket", 14, (120, 116, 112), (255, 200, 90), lift=28),
     Picture("burst", 60, (200, 80, 20), (255, 200, 90), lift=4),
+)
+# Monsters throw and players launch at this height, in map units; missiles keep it.
+_HEIGHT = 32
+_FIREBALL_LOOK = MissileLook("BAL1", "AB", 4, (("C", 6), ("D", 6), ("E", 6)), ADD, _HEIGHT)
+_ROCKET_LOOK = MissileLook(
+    "MISL", "A", 1, (("B", 8), ("C", 6), ("D", 4)), COVER, _HEIGHT, turns=True
 )
 HITS = {"hits": Event("was hit by a fireball", "was hit by {} fireballs")}
 """The event for players that fireballs hit."""
@@ -42,6 +50,7 @@ class Projectiles(PyTreeNode):
         bursts: int32[M], tics for which its explosion is still visible.
         owner: int32[M], the body that it cannot hit.
         next: int32[], the index of the next new one.
+        age: int32[M], with `look="game"` tics since it was thrown; else None.
     """
 
     position: jax.Array
@@ -50,13 +59,16 @@ class Projectiles(PyTreeNode):
     bursts: jax.Array
     owner: jax.Array
     next: jax.Array
+    age: jax.Array | None = None
 
 
-def no_projectiles(count: int) -> Projectiles:
-    """No projectiles, with room for `count`."""
+def no_projectiles(count: int, aged: bool = False) -> Projectiles:
+    """No projectiles, with room for `count`, and with their age or without."""
     pairs = jnp.zeros((count, 2), jnp.int32)
     nothing = jnp.zeros(count, jnp.int32)
-    return Projectiles(pairs, pairs, jnp.zeros(count, bool), nothing, nothing, jnp.int32(0))
+    flies = jnp.zeros(count, bool)
+    age = nothing if aged else None
+    return Projectiles(pairs, pairs, flies, nothing, nothing, jnp.int32(0), age)
 
 
 def throw(
@@ -92,6 +104,7 @@ def throw(
         bursts=put(projectiles.bursts, jnp.zeros_like(slot)),
         owner=put(projectiles.owner, jnp.asarray(index)),
         next=(projectiles.next + jnp.sum(throws, dtype=jnp.int32)) % count,
+        age=None if projectiles.age is None else put(projectiles.age, jnp.zeros_like(slot)),
     )
 
 
@@ -100,7 +113,7 @@ def fly(
     half_width: int,
     bodies: tuple[jax.Array, np.ndarray, jax.Array],
     walls: np.ndarray,
-    looks: int = 3,
+    checks: int = 3,
 ) -> tuple[Projectiles, jax.Array]:
     """The projectiles after a tic; bool[M, N], the body that each has just hit.
 
@@ -109,16 +122,16 @@ def fly(
         half_width: half-width of each, in map units.
         bodies: as in `Missiles.fly`.
         walls: as in `Missiles.fly`.
-        looks: as in `Missiles`.
+        checks: as in `Missiles`.
     """
-    part = np.arange(1, looks + 1, dtype=np.int32)[:, None]
-    way = [at[None] + _quotient(by[None] * part, looks) for at, by in _pairs(projectiles)]
+    part = np.arange(1, checks + 1, dtype=np.int32)[:, None]
+    way = [at[None] + _quotient(by[None] * part, checks) for at, by in _pairs(projectiles)]
     found = _met(way, half_width, bodies, projectiles.owner)
     size = np.full((1, 1), half_width, np.float32)
     ends = (found < len(bodies[1])) | crosses(jnp.stack(way, axis=-1), size, walls)
     stops = projectiles.flies & jnp.any(ends, axis=0)
     last = found[-1], way[0][-1], way[1][-1]
-    for k in reversed(range(looks - 1)):
+    for k in reversed(range(checks - 1)):
         values = found[k], way[0][k], way[1][k]
         last = [jnp.where(ends[k], value, later) for value, later in zip(values, last, strict=True)]
     index = np.arange(len(bodies[1]), dtype=np.int32)[None]
@@ -128,6 +141,7 @@ def fly(
         position=jnp.where(projectiles.flies[:, None], place, projectiles.position),
         flies=projectiles.flies & ~stops,
         bursts=jnp.where(stops, _BURST, jnp.maximum(projectiles.bursts - 1, 0)),
+        age=None if projectiles.age is None else projectiles.age + 1,
     )
     return after, hits
 
@@ -149,7 +163,7 @@ def _met(
     bodies: tuple[jax.Array, np.ndarray, jax.Array],
     owner: jax.Array,
 ) -> jax.Array:
-    """int32[looks, M]: the first body met at each look, or N; the arguments are those of `fly`."""
+    """int32[checks, M]: the first body met at each check, or N; arguments are as in `fly`."""
     places, widths, there = bodies
     reach = jnp.asarray((widths + half_width) * ONE)
     count = len(widths)
@@ -171,7 +185,8 @@ class Missiles(Part):
         field: `"fireballs"` or `"rockets"`.
         count: the most projectiles.
         half_width: half-width of each, in map units.
-        looks: how often per tic each checks for collisions.
+        checks: how often per tic each checks for collisions.
+        frames: the game's pictures, with `look="game"`.
     """
 
     def __init__(
@@ -181,15 +196,31 @@ class Missiles(Part):
         *,
         count: int,
         half_width: int,
-        looks: int = 3,
+        checks: int = 3,
+        frames: MissileLook | None = None,
     ) -> None:
         """Store the attributes. The first object's pictures: in flight, and exploding."""
-        self.field, self.objects = field, objects
-        self.count, self.half_width, self.looks = count, half_width, looks
+        self.field, self.objects, self.frames = field, objects, frames
+        self.count, self.half_width, self.checks = count, half_width, checks
 
     def none(self) -> Projectiles:
         """No projectiles."""
-        return no_projectiles(self.count)
+        return no_projectiles(self.count, self.frames is not None)
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures: in flight, then exploding."""
+        return () if self.frames is None else self.frames.looks()
+
+    def shown(self, state: Any, tic: jax.Array) -> Shown:
+        """Those in flight, and the explosions of others, in the game's pictures."""
+        del tic
+        shots: Projectiles = getattr(state, self.field)
+        assert self.frames is not None
+        assert shots.age is not None
+        look = self.frames.look_at(shots.flies, shots.age, _BURST - shots.bursts)
+        facing = bearing(shots.velocity).astype(jnp.uint32) if self.frames.turns else None
+        return Shown(shots.position, look, shots.flies | (shots.bursts > 0), facing)
 
     def sprites(self, state: Any) -> Sprites:
         """Those in flight, and the explosions of others."""
@@ -222,29 +253,41 @@ class Missiles(Part):
                 are met at once, the first is hit.
             walls: float32[L, 4], from `collision.segments`.
         """
-        return fly(projectiles, self.half_width, bodies, walls, self.looks)
+        return fly(projectiles, self.half_width, bodies, walls, self.checks)
 
 
-def fireballs(count: int) -> Missiles:
-    """The fireballs of monsters, at most `count` in flight; more replace the oldest."""
+def fireballs(count: int, pictured: bool = False) -> Missiles:
+    """The fireballs of monsters, at most `count` in flight; more replace the oldest.
+
+    Args:
+        count: how many there may be.
+        pictured: whether they have the game's pictures.
+    """
     objects = (
         GameObject("DoomImpBall", FIREBALL.label, _FIREBALLS),
         GameObject("BaronBall", FIREBALL.label),
     )
-    return Missiles("fireballs", objects, count=count, half_width=6)
+    frames = _FIREBALL_LOOK if pictured else None
+    return Missiles("fireballs", objects, count=count, half_width=6, frames=frames)
 
 
-def rockets(count: int = 3, half_width: int = 11, name: str = "Rocket") -> Missiles:
+def rockets(
+    count: int = 3, half_width: int = 11, name: str = "Rocket", pictured: bool = False
+) -> Missiles:
     """The player's rockets, of which at most three are ever visible.
 
     Args:
         count: the most rockets.
         half_width: in map units; rockets without width check for bodies once per tic.
         name: the game's name.
+        pictured: whether they have the game's pictures.
     """
     objects = (GameObject(name, ROCKET.label, _ROCKETS),)
-    looks = 3 if half_width else 1
-    return Missiles("rockets", objects, count=count, half_width=half_width, looks=looks)
+    frames = _ROCKET_LOOK if pictured else None
+    checks = 3 if half_width else 1
+    return Missiles(
+        "rockets", objects, count=count, half_width=half_width, checks=checks, frames=frames
+    )
 
 
 def with_player(

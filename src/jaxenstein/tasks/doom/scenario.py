@@ -32,17 +32,11 @@ from ..hud import AMMUNITION, bar, check_overlay, check_strip, strip_rows
 from .arsenal import Arsenal
 from .collision import Geometry, load_geometry
 from .fixed import FRACTION_BITS, ONE, direction, to_fixed
-from .game_look import (
-    ANIMATIONS,
-    GAME_FOCAL_SHARE,
-    Animation,
-    game_textures,
-    rows_at,
-    sampling,
-    screen_of,
-    with_looks,
-)
-from .maps import START, DoomMap, TileGrid, load_map, rasterise
+from .game_look import GAME_FOCAL_SHARE, GamePictures, game_pictures, sampling, screen_of
+from .game_things import Look
+from .game_walls import free_walls
+from .game_weapon import WeaponLook, held
+from .maps import START, DoomMap, TileGrid, load_map, tiled
 from .monsters import Horde
 from .parts import Game, Part
 from .physics import (
@@ -52,6 +46,7 @@ from .physics import (
     Reached,
     action_name,
     bob_height,
+    bob_swing,
     bobbed,
     hold,
     numbered,
@@ -243,7 +238,7 @@ class DoomScenario(FirstPerson[S, P]):
     @functools.cached_property
     def tiles(self) -> TileGrid:
         """The map as tiles."""
-        return rasterise(self.doom_map, self.unit)
+        return tiled(self.doom_map, self.unit)
 
     @functools.cached_property
     def tilemap(self) -> TileMap:
@@ -315,19 +310,52 @@ class DoomScenario(FirstPerson[S, P]):
         )
 
     @functools.cached_property
-    def animations(self) -> tuple[Animation, ...]:
-        """The game's pictures of the things, in the order of `Sprites.picture`."""
-        return tuple(ANIMATIONS[thing.name] for part in self.parts for thing in part.objects)
+    def game_looks(self) -> tuple[Look, ...]:
+        """The game's pictures of the things, part by part; each `picture` is a row of `theme`."""
+        looks, first = [], 0
+        for part in self.parts:
+            looks += [dataclasses.replace(one, picture=one.picture + first) for one in part.looks]
+            first += sum(len(thing.pictures) for thing in part.objects)
+        return tuple(looks)
+
+    @property
+    def weapon_look(self) -> WeaponLook | None:
+        """The game's pictures of the player's weapon, if the game shows it."""
+        looks = [part.weapon_look for part in self.parts]
+        return next((look for look in looks if look is not None), None)
+
+    @functools.cached_property
+    def game_pictures(self) -> GamePictures:
+        """The game's pictures of map, things and weapon."""
+        path = str(find_iwad(self.wad))
+        return game_pictures(path, self.room.map_name, self.game_looks, self.weapon_look, self.unit)
 
     @functools.cached_property
     def game_theme(self) -> Theme:
-        """The look of the map in the game, with a row for each look of each thing."""
-        textures = game_textures(
-            str(find_iwad(self.wad)), self.room.map_name, self.animations, self.unit
-        )
+        """The look of the map in the game, with a row for each picture of each thing."""
+        textures, views = self.game_pictures
         places = sampling(self.view_height, int(self.width), int(self.samples))
         textures = textures.replace(sampling=places)
-        return with_looks(self.theme, self.animations).replace(textures=textures)
+        rows = np.array([look.picture for look in self.game_looks])
+        return views.themed(self.theme, rows).replace(textures=textures)
+
+    def game_sprites(self, state: S) -> SceneSprites:
+        """The billboards of all parts, in the game's pictures."""
+        tic, eye, views = self.game_tic(state), state.fixed_position, self.game_pictures.views
+        places, rows, visible, first = [], [], [], 0
+        for part in self.parts:
+            if shown := part.shown(state, tic):
+                places.append(shown.places)
+                visible.append(shown.visible)
+                rows.append(views.rows(shown._replace(looks=shown.looks + np.int32(first)), eye))
+            first += len(part.looks)
+        position = self.to_tiles(jnp.concatenate(places))
+        return SceneSprites(position, jnp.concatenate(rows), jnp.concatenate(visible))
+
+    @functools.cached_property
+    def game_level(self) -> Level:
+        """The map for the renderer, with walls where the game has them."""
+        return self.level.replace(free_walls=free_walls(self.doom_map, self.tiles))
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
@@ -335,14 +363,18 @@ class DoomScenario(FirstPerson[S, P]):
             return super().dressed(scene, state)
         cosine, sine = direction(state.angle)
         heading = jnp.stack([cosine, -sine]).astype(jnp.float32) * np.float32(1 / ONE)
-        tic, ages = self.game_tic(state), []
-        for part in self.parts:
-            if shown := part.sprites(state):
-                age = tic if shown.age is None else shown.age
-                ages.append(jnp.broadcast_to(age, shown.visible.shape))
-        picture = rows_at(self.animations, jnp.concatenate(ages), scene.sprites.picture)
-        sprites = scene.sprites.replace(picture=picture)
-        return scene.replace(heading=heading, sprites=sprites, theme=self.game_theme)
+        scene = scene.replace(
+            level=self.game_level,
+            heading=heading,
+            sprites=self.game_sprites(state),
+            theme=self.game_theme,
+        )
+        if self.weapon_look is None:
+            return scene
+        assert state.gait is not None
+        trigger, swing = getattr(state, "trigger"), bob_swing(state.gait[1])  # noqa: B009
+        over, glare = held(self.weapon_look, trigger, swing, self.game_tic(state))
+        return scene.replace(held=over, glare=glare)
 
     def sprites(self, state: S) -> SceneSprites:
         """The billboards of all parts."""

@@ -78,6 +78,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomCoverParams
+    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
 
     @property
@@ -89,7 +90,9 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
     def horde(self) -> Horde:
         """Imps that cannot be hurt."""
         imp = dataclasses.replace(standing(IMP), pain_chance=0)
-        return Horde([imp] * MOST, walls=segments(self.doom_map.walls))
+        return Horde(
+            [imp] * MOST, walls=segments(self.doom_map.walls), pictured=self.look == "game"
+        )
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
@@ -99,7 +102,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
     @functools.cached_property
     def fireballs(self) -> Missiles:
         """The fireballs of the imps."""
-        return fireballs(24)
+        return fireballs(24, pictured=self.look == "game")
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...engine.art import SIZE, load_art
 from ...engine.scene import Theme
-from ...engine.shade import ImageKind, Light, luma, pack_rgb
+from ...engine.shade import ImageKind, Light, by_side, luma, pack_rgb
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
 from ...maps.things import RGB
 from .maps import TileGrid
@@ -103,7 +103,7 @@ class DoomLight(Light):
     def wall(self, depth: jax.Array, horizontal: jax.Array, along: jax.Array) -> jax.Array:
         """float32: the factor for walls; walls that run north and south are brighter."""
         del along
-        contrast = jnp.where(horizontal, jnp.float32(_CONTRAST), jnp.float32(-_CONTRAST))
+        contrast = by_side(horizontal, jnp.float32(_CONTRAST), jnp.float32(-_CONTRAST))
         return self._factor(depth, contrast)
 
     def plain(self, depth: Any) -> Any:

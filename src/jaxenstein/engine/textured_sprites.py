@@ -1,0 +1,323 @@
+"""Billboards with textures, and pictures that lie over the image.
+
+Both are layers of columns. Pictures that are added to what is behind them, or averaged with it, are
+drawn after the others, into the colours of the few rows in which they are.
+"""
+
+from __future__ import annotations
+
+import functools
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._jax.batching import where_few
+from .._jax.staging import repeat, staged
+from ..pytree import PyTreeNode
+from .camera import Camera
+from .level import WORD
+from .pixels import test_bit, whole
+from .scene import Held, Theme
+from .shade import ImageKind
+from .sprites import Spots
+from .textures import COVER, MEAN, Cutouts, Sampling, Stamps, Textures, entry, shade_of
+
+# Into how many bands of rows an image is cut in which mixed pictures are drawn.
+BANDS = 8
+# The screen on which places of `Stamps` are.
+STAMP_WIDTH, STAMP_HEIGHT = 320, 200
+
+
+class TexturedLayers(PyTreeNode):
+    """The nearest billboards over each column, near to far: K layers, W columns.
+
+    A pixel `y` rows below the horizon shows texel `round(scale * y + offset)`.
+
+    Attributes:
+        opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
+        base: int32[K, W], index of the topmost texel.
+        scale: float32[K, W or 1], texels a pixel.
+        offset: float32[K, W or 1], less one half.
+        blend: int32[K, W or 1], as in `Cutouts`; None if all pictures cover what is behind them.
+        height: int32[K, W or 1], of the pictures in texels; likewise.
+    """
+
+    opaque: jax.Array
+    base: jax.Array
+    scale: jax.Array
+    offset: jax.Array
+    blend: jax.Array | None = None
+    height: jax.Array | None = None
+
+
+def project(
+    spots: Spots,
+    wall_depth: jax.Array,
+    lift: jax.Array | None,
+    glare: jax.Array | None,
+    theme: Theme,
+    camera: Camera,
+    kind: ImageKind,
+) -> TexturedLayers:
+    """What the chosen billboards show in each column; as `sprites.project`."""
+    del kind
+    assert theme.textures is not None
+    cutouts = theme.textures.cutouts
+    camera = camera.at(theme.textures.sampling.thing)
+    # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
+    texels = staged(partial(_texels, theme=theme, camera=camera))
+    column, base = texels(spots, wall_depth, glare)
+    opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
+    rate = cutouts.height / (cutouts.bottom - cutouts.top)
+    rate = entry(rate.astype(np.float32), spots.picture)
+    top = entry(cutouts.top, spots.picture)
+    top = top if lift is None else top + lift
+    scale = spots.depth(theme) * rate / jnp.float32(camera.row_focal)
+    return TexturedLayers(
+        opaque=jnp.stack(opaque),
+        base=base,
+        scale=_stepped(scale, theme.textures.sampling, camera),
+        offset=-top * rate - 0.5,
+        blend=None if cutouts.blend is None else entry(cutouts.blend, spots.picture),
+        height=None if cutouts.blend is None else entry(cutouts.height, spots.picture),
+    )
+
+
+def _stepped(scale: jax.Array, sampling: Sampling, camera: Camera) -> jax.Array:
+    """Texels a pixel from above, as screens of whole columns know them.
+
+    Such screens have the rows of a texel in 65536ths, rounded down.
+    """
+    if not sampling.screen:
+        return scale
+    # These screens are 4 to 3.
+    share = np.float32(65536 * 0.75 * sampling.screen / camera.height)
+    return share / jnp.floor(share / jnp.maximum(scale, np.float32(1e-6)))
+
+
+def _texels(
+    spots: Spots,
+    wall_depth: jax.Array,
+    glare: jax.Array | None,
+    *,
+    theme: Theme,
+    camera: Camera,
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
+    textures = theme.textures
+    assert textures is not None
+    cutouts, depth = textures.cutouts, spots.depth(theme)
+    width = entry(cutouts.width, spots.picture)
+    texel, seen = _columns_seen(spots, width, cutouts, textures.sampling, camera)
+    seen = seen & (depth < wall_depth[None])
+    none = cutouts.opaque.shape[1] - 1
+    column = jnp.where(seen, entry(cutouts.column, spots.picture) + texel, none)
+    shade = brightened(shade_of(theme.light.plain(depth)), glare)
+    shade = jnp.where(entry(cutouts.bright, spots.picture), 0, shade)
+    first = shade * textures.size + entry(cutouts.first, spots.picture)
+    return column, first + texel * entry(cutouts.height, spots.picture)
+
+
+def brightened(shade: Any, glare: jax.Array | None) -> Any:
+    """Shades that are brighter by int32[] of them; None for 0."""
+    return shade if glare is None else jnp.maximum(shade - glare, 0)
+
+
+def _columns_seen(
+    spots: Spots, width: jax.Array, cutouts: Cutouts, sampling: Sampling, camera: Camera
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
+    slopes = camera.column_slopes()
+    if not sampling.screen:
+        across = spots.stretch * jnp.asarray(slopes)[None] + spots.start
+        texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
+        return jnp.clip(texel, 0, width - 1), (across >= 0) & (across < WORD)
+    share = sampling.screen / camera.width
+    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.int32)[None]
+    left, right = jnp.zeros_like(width), width
+    if cutouts.left is not None and cutouts.right is not None:
+        left, right = (entry(side, spots.picture) for side in (cutouts.left, cutouts.right))
+    unit = jnp.float32(camera.focal * share) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
+    first, after = (
+        jnp.floor(
+            np.float32(sampling.screen / 2)
+            + (side.astype(jnp.float32) * WORD / width.astype(jnp.float32) - spots.start) * unit
+        )
+        for side in (left, right)
+    )
+    # Such screens step through a picture by 65536ths of a column, rounded down. Floats give the
+    # same whole number as long as a picture has fewer than 512 columns.
+    step = (right - left).astype(jnp.float32) * 65536 / jnp.maximum(after - first, 1)
+    first, after = first.astype(jnp.int32), after.astype(jnp.int32)
+    texel = jnp.clip((column - first) * step.astype(jnp.int32) >> 16, 0, right - left - 1)
+    if cutouts.mirrored is not None:
+        mirrored = entry(cutouts.mirrored, spots.picture)
+        texel = jnp.where(mirrored, right - left - 1 - texel, texel)
+    return texel, (first <= column) & (after > column) & (spots.stretch > 0)
+
+
+def paint_over(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
+    """int32[height, width]: the image with layers over it, the farthest first, but for mixed ones.
+
+    Args:
+        layers: the layers, with an axis of rows after the first.
+        below: float32[height, 1], rows below the horizon.
+        image: int32[height, width], what is behind them.
+    """
+    for k in reversed(range(layers.scale.shape[0])):
+        covers, own = _layer(layers, k, below)
+        if layers.blend is not None:
+            covers = covers & (layers.blend[k] == COVER)
+        image = jnp.where(covers, own, image)
+    return image
+
+
+def _layer(layers: TexturedLayers, k: int, below: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """bool[height, width], where a layer is; int32[height, width], what it shows there."""
+    texel = whole(layers.scale[k] * below + layers.offset[k])
+    # Bits of another word are past the end of this one, and then not set.
+    words = enumerate(layers.opaque)
+    there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
+    return functools.reduce(jnp.logical_or, there), layers.base[k] + texel.astype(jnp.int32)
+
+
+def mix(words: jax.Array, layers: TexturedLayers, camera: Camera, textures: Textures) -> jax.Array:
+    """uint32[height, width]: colours with the mixed pictures of layers, band by band.
+
+    Args:
+        words: uint32[height, width], colours with all other layers.
+        layers: the layers; of several that are mixed one over another, only the nearest is.
+        camera: the camera at the place of `Sampling.thing`.
+        textures: the pictures.
+    """
+    height = words.shape[0]
+    start, end = _rows_mixed(layers, camera)
+    band = -(-height // BANDS)
+    paint = where_few(partial(_mixed, textures=textures))
+    offsets = camera.row_offsets()
+
+    def visit(i: jax.Array, words: jax.Array, constants: Any) -> jax.Array:
+        start, end, layers = constants
+        row = i * band
+        needed, place = (start < row + band) & (row < end), jnp.minimum(row, height - band)
+        part = jax.lax.dynamic_slice_in_dim(words, place, band)
+        rows = (place + jnp.arange(band))[:, None]
+        below = jax.lax.dynamic_slice_in_dim(jnp.asarray(offsets), place, band)[:, None]
+        # The last band may begin with rows of the one before.
+        mixed = jnp.where(needed & (rows >= row), paint(needed, part, below, layers), part)
+        return jax.lax.dynamic_update_slice_in_dim(words, mixed, place, 0)
+
+    return repeat(visit)(-(-end // band), words, (start, end, layers))
+
+
+def _rows_mixed(layers: TexturedLayers, camera: Camera) -> tuple[jax.Array, jax.Array]:
+    """int32[] twice: the first row that a mixed picture may touch, and the one after the last."""
+    assert layers.blend is not None
+    assert layers.height is not None
+    there = functools.reduce(jnp.bitwise_or, layers.opaque) != 0
+    there = there & (layers.blend != COVER)
+    offsets = camera.row_offsets()
+    unit = 1 / jnp.maximum(layers.scale, 1e-6)
+    top = (-0.5 - layers.offset) * unit - offsets[0]
+    bottom = (layers.height.astype(jnp.float32) - layers.offset) * unit - offsets[0]
+    # Rows are not at even steps on all screens, but less than one row away from them.
+    start = jnp.min(jnp.where(there, jnp.clip(top - 1, 0, len(offsets)), len(offsets)))
+    end = jnp.max(jnp.where(there, jnp.clip(bottom + 2, 0, len(offsets)), 0))
+    return start.astype(jnp.int32), end.astype(jnp.int32)
+
+
+def _mixed(
+    words: jax.Array, below: jax.Array, layers: TexturedLayers, *, textures: Textures
+) -> jax.Array:
+    """uint32[rows, width]: colours with the mixed pictures."""
+    assert textures.blends is not None
+    # Fetches are stages of their own, as that of the image.
+    index, cut = staged(_over)(below, layers)
+    mixed = staged(_sums)(words, fetched(index, textures.atlas), cut)
+    return jnp.where(index > 0, fetched(mixed, textures.blends), words)
+
+
+def _over(below: jax.Array, layers: TexturedLayers) -> tuple[jax.Array, jax.Array]:
+    """int32[rows, width]: the nearest mixed picture's index; uint32, the bits to cut of a sum."""
+    layers = jax.tree.map(lambda leaf: leaf[..., None, :], layers)
+    assert layers.blend is not None
+    shape = len(below), layers.base.shape[-1]
+    index, cut = jnp.zeros(shape, jnp.int32), jnp.zeros(shape, jnp.uint32)
+    for k in reversed(range(layers.scale.shape[0])):
+        covers, own = _layer(layers, k, below)
+        index = jnp.where(covers, jnp.where(layers.blend[k] == COVER, 0, own), index)
+        # Three bits, and four if half the sum is meant.
+        cut = jnp.where(covers, 3 + (layers.blend[k] == MEAN).astype(jnp.uint32), cut)
+    return index, cut
+
+
+def _sums(words: jax.Array, colours: jax.Array, cut: jax.Array) -> jax.Array:
+    """uint32[rows, width]: the entry of `Textures.blends` for a sum of two colours."""
+    mixed = jnp.zeros(words.shape, jnp.uint32)
+    for channel in (0, 8, 16):
+        both = (words >> channel & 255) + (colours >> channel & 255)
+        mixed = (mixed << 5) | jnp.minimum(both >> cut, 31)
+    return mixed
+
+
+def stamped(words: jax.Array, held: Held, textures: Textures, camera: Camera) -> jax.Array:
+    """uint32[height, width]: colours with pictures over them."""
+    assert textures.stamps is not None
+    rows, columns = _block(textures.stamps, camera)
+    index = staged(partial(_stamped, textures=textures, camera=camera))(held)
+    colours = fetched(index, textures.atlas)
+    block = jnp.where(index > 0, colours, words[rows, columns])
+    return words.at[rows, columns].set(block)
+
+
+def fetched(index: jax.Array, atlas: np.ndarray) -> jax.Array:
+    """uint32[height, width]: the texels at int32[height, width]."""
+    # As numbers without a sign, which need no look whether they count from the end.
+    index = index.astype(jnp.uint32)
+    return staged(lambda index: jnp.asarray(atlas).at[index].get(mode="promise_in_bounds"))(index)
+
+
+def _block(stamps: Stamps, camera: Camera) -> tuple[slice, slice]:
+    """The rows and columns of an image that stamps may cover."""
+    aside, least, most = stamps.sway
+    left = int((-stamps.left).min()) - aside
+    right = int((stamps.width - stamps.left).max()) + aside
+    top = int((-stamps.top).min()) + least
+    bottom = int((stamps.height - stamps.top).max()) + most
+    across, along = camera.width / STAMP_WIDTH, camera.height / STAMP_HEIGHT
+    columns = slice(max(0, int(left * across) - 1), min(camera.width, int(right * across) + 2))
+    return slice(max(0, int(top * along) - 1), min(camera.height, int(bottom * along) + 2)), columns
+
+
+def _stamped(held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
+    """int32[rows, columns]: what pictures show in the block, 0 where there are none."""
+    stamps = textures.stamps
+    assert stamps is not None
+    rows, columns = _block(stamps, camera)
+    picture, place = held.picture[:, None], held.place[:, :, None]
+    screen = textures.sampling.screen or camera.width
+    column = np.floor((np.arange(camera.width) + 0.5) * (screen / camera.width))[None, columns]
+    scale, middle = np.float32(screen / STAMP_WIDTH), np.float32(screen / 2)
+    side = place[:, 0] - entry(stamps.left, picture).astype(jnp.float32) - STAMP_WIDTH // 2
+    width = entry(stamps.width, picture)
+    first = jnp.floor(middle + side * scale)
+    after = jnp.floor(middle + (side + width.astype(jnp.float32)) * scale)
+    texel = jnp.floor((column.astype(np.float32) - first) / scale).astype(jnp.int32)
+    seen = (column >= first) & (column < after) & held.shown[:, None]
+    texel = jnp.clip(texel, 0, width - 1)
+    none = stamps.opaque.shape[1] - 1
+    entries = jnp.where(seen, entry(stamps.column, picture) + texel, none)
+    opaque = [jnp.asarray(w).at[entries].get(mode="promise_in_bounds") for w in stamps.opaque]
+    top = entry(stamps.top, picture).astype(jnp.float32) - place[:, 1]
+    layers = TexturedLayers(
+        opaque=jnp.stack(opaque)[:, :, None],
+        base=(entry(stamps.first, picture) + texel * entry(stamps.height, picture))[:, None],
+        scale=jnp.full(top.shape, np.float32(STAMP_HEIGHT / camera.height))[:, None],
+        offset=(top + (STAMP_HEIGHT / 2 - 0.5))[:, None],
+    )
+    below = camera.at(textures.sampling.thing).row_offsets()[rows, None]
+    nothing = jnp.zeros((len(below), layers.base.shape[-1]), jnp.int32)
+    return paint_over(layers, jnp.asarray(below), nothing)
