@@ -24,7 +24,7 @@ from .arsenal import Arsenal
 from .fixed import ONE
 from .game_things import Look, Shown
 from .monster_kinds import CACODEMON
-from .motion import held_bits, held_buttons, moved
+from .motion import moved
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
 from .pose import DoomState
@@ -186,8 +186,8 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
         """Shoot, then move."""
         over, origin = state.killed, state.fixed_position
         bits = jax.random.bits(key, (), jnp.uint32)
-        attack = jnp.asarray(held_buttons(self, action).attack)
-        state, fires = self.arsenal.tic(state, attack, held_bits(self, action))
+        attack = jnp.asarray(self.pressed(action).attack)
+        state, fires = self.arsenal.tic(state, attack, self.held(action))
         state, _ = moved(self, state, action)
         widths = np.array([HALF_WIDTH], np.int32)
         targets = state.target[None], widths, ~state.killed[None]

@@ -19,7 +19,7 @@ from .fixed import ONE, byte, roll
 from .monster_ai import act
 from .monster_attacks import attack, throws
 from .monsters import FEW, Horde, Monsters
-from .motion import held_bits, held_buttons, moved
+from .motion import moved
 from .physics import Reached
 from .pose import DoomState
 from .projectiles import Missiles, Projectiles, launch, throw, with_player
@@ -99,8 +99,8 @@ def fight(
 
     origin = state.fixed_position
     state, reached = moved(scenario, state, action, bodies)
-    pressed = jnp.asarray(held_buttons(scenario, action).attack)
-    state, fires = arsenal.tic(state, pressed, held_bits(scenario, action))
+    pressed = jnp.asarray(scenario.pressed(action).attack)
+    state, fires = arsenal.tic(state, pressed, scenario.held(action))
     pellets = bits[-1:, 0]
     if arsenal.rays > 1:
         pellets = jax.random.bits(jax.random.fold_in(key, 1), (arsenal.rays,), jnp.uint32)

@@ -1,4 +1,4 @@
-"""What the player does in a tic: the buttons that an action holds, and how they move the body."""
+"""How the player's body moves in a tic of a scenario."""
 
 from __future__ import annotations
 
@@ -6,24 +6,12 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from .physics import Blocked, Body, Buttons, Reached, bobbed, hold, tic
+from .physics import Blocked, Body, Reached, bobbed, tic
 from .pose import DoomState
 from .scenario import DoomScenario
 
 S = TypeVar("S", bound=DoomState)
-
-
-def held_bits(scenario: DoomScenario[Any, Any], action: jax.Array) -> jax.Array:
-    """int32[]: the buttons that an action holds, bit i for `scenario.button_names[i]`."""
-    table = jnp.asarray(np.append(scenario.action_buttons, np.int32(0)))
-    return table.at[action].get(mode="promise_in_bounds")
-
-
-def held_buttons(scenario: DoomScenario[Any, Any], action: jax.Array) -> Buttons:
-    """The buttons that an action holds."""
-    return hold(scenario.button_names, held_bits(scenario, action))
 
 
 def moved(
@@ -38,7 +26,7 @@ def moved(
         bodies: a function that tells where other bodies are in its way, if there are any.
     """
     body = Body(state.fixed_position, state.fixed_velocity, state.angle, state.turn_tics)
-    buttons = held_buttons(scenario, action)
+    buttons = scenario.pressed(action)
     after, reached = tic(scenario.geometry, body, buttons, bodies)
     fields = scenario.body_fields(after)
     if state.gait is not None:

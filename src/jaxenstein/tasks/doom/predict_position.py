@@ -23,7 +23,7 @@ from .fixed import ONE
 from .monster_ai import approximate, walk
 from .monster_kinds import CACODEMON
 from .monsters import Horde, Monsters
-from .motion import held_bits, held_buttons, moved
+from .motion import moved
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .players import off_by
@@ -202,8 +202,8 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         over = state.killed | (state.waits == 1)
         origin = state.fixed_position
         state, _ = moved(self, state, action)
-        attack = jnp.asarray(held_buttons(self, action).attack)
-        state, fires = self.arsenal.tic(state, attack, held_bits(self, action))
+        attack = jnp.asarray(self.pressed(action).attack)
+        state, fires = self.arsenal.tic(state, attack, self.held(action))
         state = self.patrol(state, bits[1])
         target = state.monsters.position, self.horde.half_width, ~state.killed[None]
         flying = launch(state.rockets, ROCKET_LAUNCHER, fires, origin, state.angle)

@@ -31,7 +31,7 @@ from .maps import START, DoomMap, TileGrid, load_map, tiled
 from .monsters import Horde
 from .overlay import check_overlays, strip
 from .parts import Game, Part, billboards
-from .physics import Body, action_name, bob_height, numbered
+from .physics import Body, Buttons, action_name, bob_height, hold, numbered
 from .pose import (
     DoomState,
     game_tic,
@@ -103,8 +103,7 @@ class DoomScenario(FirstPerson[S, P]):
             # The absolute path, so that the environment is the same in another folder.
             object.__setattr__(self, "wad", str(Path(self.wad).expanduser().resolve()))
         super().__post_init__()
-        samples = int(self.samples)
-        check_game_look(self.look, self.wad, samples, self.takes_patterns)
+        check_game_look(self.look, self.wad, int(self.samples), self.takes_patterns)
         if self.look == "game":
             # Read the pictures now: a damaged file is an error here, not in the first step.
             assert self.game.theme.textures is not None
@@ -356,6 +355,15 @@ class DoomScenario(FirstPerson[S, P]):
     def absorbed(self, state: S, lost: jax.Array) -> tuple[S, jax.Array]:
         """The state after damage int32[N]; int32[], the part that reaches the player."""
         return state, jnp.sum(lost, dtype=jnp.int32)
+
+    def pressed(self, action: jax.Array) -> Buttons:
+        """The buttons that an action holds."""
+        return hold(self.button_names, self.held(action))
+
+    def held(self, action: jax.Array) -> jax.Array:
+        """int32[]: the buttons that an action holds, bit i for `button_names[i]`."""
+        table = jnp.asarray(np.append(self.action_buttons, np.int32(0)))
+        return table.at[action].get(mode="promise_in_bounds")
 
     def body_fields(self, body: Body) -> dict[str, jax.Array]:
         """The fields of a state for a body."""

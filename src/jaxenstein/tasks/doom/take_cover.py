@@ -22,7 +22,6 @@ from .fight import FightParams, FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
 from .monster_kinds import IMP, standing
 from .monsters import Horde, Monsters
-from .motion import held_buttons
 from .parts import Game, Health, Part
 from .physics import MOVE_LEFT, MOVE_RIGHT, bob_height, bobbed
 from .projectiles import HITS, Missiles, Projectiles, fireballs
@@ -132,7 +131,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         fight_key, ball_key, imp_key = jax.random.split(key, 3)
         time = state.time + 1
         action = jnp.where(state.time < _FROZEN, NO_OP, action)
-        pace, angle, buttons = state.pace, state.angle, held_buttons(self, action)
+        pace, angle, buttons = state.pace, state.angle, self.pressed(action)
         state, fought = fight(self, fight_key, state, action, params)
         steps, pace = bobbed(pace, angle, buttons, state.fixed_velocity, fought.reached.slid)
         state = state.replace(steps=steps, pace=pace)
