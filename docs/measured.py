@@ -2,16 +2,16 @@
 
     python -m docs.measured returns [--episodes N] [ID ...]
     python -m docs.measured agent CONFIG RUN [--episodes N]
-    python -m docs.measured suite [--episodes N]
+    python -m docs.measured suite [--episodes N] [ID ...]
     python -m docs.measured baselines [RUNS ...]
 
 `returns` writes the returns of scripted players to docs/returns.json, with the versions of the
 environments and of JAX; with ids, it measures only their rows again. `agent` plays whole episodes
 with the agents of RUN, from `jaxenstein train --config CONFIG --out RUN`, and writes their means to
 docs/agents.json, with one row per config. `suite` writes the reference returns of the benchmark,
-which are part of the package, and the tables in docs/suite.md. `baselines` tests the agents of each
-folder RUNS, from `jaxenstein train --suite --out RUNS`, and adds their algorithm to the package and
-to docs/suite.md, with its figures.
+which are part of the package, and the tables in docs/suite.md; ids are as in `returns`. `baselines`
+tests the agents of each folder RUNS, from `jaxenstein train --suite --out RUNS`, and adds their
+algorithm to the package and to docs/suite.md, with its figures.
 """
 
 from __future__ import annotations
@@ -110,8 +110,9 @@ def measure_agent(options: argparse.Namespace) -> None:
 def measure_suite(options: argparse.Namespace) -> None:
     """Measure the random player and the expert in every task of the benchmark."""
     check_writable(suite.REFERENCES)
-    rows = {}
-    for task in each([task.id for task in suite.TASKS], "playing"):
+    names = [suite.task_of(name).id for name in options.ids] or [task.id for task in suite.TASKS]
+    rows = suite.reference_rows() if options.ids else {}
+    for task in each(names, "playing"):
         env, params = suite.make(task, test=True)
         row: dict[str, Any] = {"version": env.version, "episodes": options.episodes}
         for name in ("random", "expert"):
@@ -149,6 +150,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     what = parser.add_subparsers(required=True, metavar="WHAT")
     returns, agent = what.add_parser("returns"), what.add_parser("agent")
     benchmark = what.add_parser("suite")
+    benchmark.add_argument("ids", nargs="*", metavar="ID", help="(default: all tasks)")
     benchmark.set_defaults(run_it=measure_suite)
     trained = what.add_parser("baselines")
     trained.add_argument("runs", nargs="*", type=Path, metavar="RUNS", help="such as runs/ppo")

@@ -318,7 +318,7 @@ ROWS: tuple[Row, ...] = (
           "Predict Position itself: one rocket for a monster that walks back and forth",
           shown="doom-basic"),
     _doom("deadly-corridor", "deadly_corridor:DoomDeadlyCorridor",
-          "Deadly Corridor itself: past six marksmen to the armour", 1),
+          "Deadly Corridor itself: past six marksmen to the armour", 2),
     _doom("deathmatch", "deathmatch:DoomDeathmatch",
           "Deathmatch itself for one player: endless monsters, seven weapons, pickups", 2),
 )

@@ -162,7 +162,7 @@ TASKS = (
     ),
     Task(
         "doom-deadly-corridor",
-        1,
+        2,
         "fights",
         "ViZDoom's corridor of marksmen: fight or run to the armour.",
         4,

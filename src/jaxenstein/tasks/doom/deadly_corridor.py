@@ -152,8 +152,12 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
     ) -> tuple[DoomCorridorState, jax.Array, jax.Array, Info]:
         """Fight, and check whether the armour was touched."""
         before, leaves, kills = state.fixed_position[0], state.taken, state.kills
-        action = jnp.where(state.time < _FROZEN, NO_OP, action)
-        state, fought = fight(self, key, state, action, params)
+        frozen, buttons = state.time < _FROZEN, self.pressed(action)
+        turns = buttons.turn_left | buttons.turn_right
+        # While the player cannot move, the game counts the tics of a turn button all the same.
+        turn_tics = jnp.where(turns, state.turn_tics + 1, 0)
+        state, fought = fight(self, key, state, jnp.where(frozen, NO_OP, action), params)
+        state = state.replace(turn_tics=jnp.where(frozen, turn_tics, state.turn_tics))
         reached = touches(fought.reached, jnp.asarray(self.goal.place), REACH) & ~leaves
         way = (state.fixed_position[0] - before).astype(jnp.float32) * jnp.float32(1 / ONE)
         dead = (state.health <= 0) & ~leaves
@@ -183,7 +187,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
 
 
 def storm(env: DoomDeadlyCorridor, params: Any) -> Choose:
-    """Shoot monsters that are near and see the player, then walk on to the armour."""
+    """Wait until the player can move, shoot monsters that are near and see it, then walk on."""
     aim, walk = turn_and_shoot(env, params), walker(env)
     goal = jnp.asarray(env.goal.place)
 
@@ -193,7 +197,9 @@ def storm(env: DoomDeadlyCorridor, params: Any) -> Choose:
         near = sight(monsters, state.fixed_position, env.horde.opaque)
         near = near & monsters.living & (jnp.abs(distance) < _STORMS)
         shoots = aim(key, only(state, near))
-        return jnp.where(jnp.any(near), shoots, walk(state, goal))
+        chosen = jnp.where(jnp.any(near), shoots, walk(state, goal))
+        # A turn button held until then would turn it twice as fast.
+        return jnp.where(state.time < _FROZEN, NO_OP, chosen)
 
     return choose
 
