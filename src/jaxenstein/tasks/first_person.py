@@ -16,6 +16,7 @@ import numpy as np
 
 from .._jax.batching import select, where_few
 from ..about import About
+from ..catalogue import ENTRIES
 from ..engine.camera import Camera
 from ..engine.level import Level
 from ..engine.render import render
@@ -42,6 +43,14 @@ S = TypeVar("S", bound=State)
 P = TypeVar("P", bound=Params)
 
 
+def _with_game_look() -> list[str]:
+    """The ids that can show a game's own pictures."""
+    builds: dict[str, Any] = {
+        name: row.build for name, row in ENTRIES.items() if name.startswith("doom-")
+    }
+    return [name for name, build in builds.items() if build.func.takes_game_look]
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FirstPerson(Environment[S, P]):
     """Base of first-person tasks.
@@ -57,7 +66,7 @@ class FirstPerson(Environment[S, P]):
         sprite_layers: how many sprites an image column can show, one behind another.
         look: the look of walls, floor and ceiling: `"plain"`, in one colour each; `"patterned"`,
             with patterns such as bricks and boards; `"random"`, with colours and patterns drawn at
-            each reset. Doors, things, depth and labels do not depend on these. `"game"`, in some
+            each reset. Doors, things, depth and labels do not depend on these. `"game"`, in most
             scenarios of Doom, shows the game's own pictures, and the eye bobs.
         look_range: strength of random looks: from 0, as patterned, to 1, any colours.
         look_seeds: seeds of random looks: None for all seeds, or (first, stop).
@@ -88,10 +97,7 @@ class FirstPerson(Environment[S, P]):
         if self.textures is not None and self.look != "plain":
             raise SettingError(f"textures need look='plain', not look={quoted(self.look)}")
         if self.look == "game" and not self.takes_game_look:
-            raise SettingError(
-                "look='game' is only for Doom's scenarios, without doom-deathmatch and "
-                "doom-predict-position"
-            )
+            raise SettingError(f"look='game' is only for {', '.join(_with_game_look())}")
         for name in ("look_seeds", "look_range"):
             given = getattr(self, name)
             if self.look != "random" and given != getattr(FirstPerson, name):

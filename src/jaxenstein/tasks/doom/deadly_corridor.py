@@ -82,7 +82,6 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
     params_class: ClassVar[type[Params]] = DoomCorridorParams
     takes_game_look: ClassVar[bool] = True
     success_event: ClassVar[str] = "reached_goal"
-    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = ALL_MOVES
 
     @property
