@@ -24,6 +24,7 @@ import numpy as np
 import jaxenstein
 from fidelity.doom_picture import SIZES, renderers, shares
 from fidelity.doom_views import View, fitted, views
+from jaxenstein.adapters.vizdoom_buffers import picked_image
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Held, Sprites
 from jaxenstein.files import check_writable
@@ -109,15 +110,6 @@ def over(env: Any, view: View) -> Held | None:
     )
 
 
-def nearest(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """uint8[height, width, 3]: the pixels of a frame at the centres of those of a smaller one."""
-    rows, columns = (
-        ((np.arange(few) + 0.5) * many / few).astype(int)
-        for few, many in zip(size[::-1], frame.shape[:2], strict=True)
-    )
-    return frame[rows[:, None], columns]
-
-
 def compare(scenario: str, frames: int, seed: int) -> Pairs:
     """Play a scenario at all sizes and print the table; return the pairs of the first size."""
     pictures = Wad(find_iwad())
@@ -127,7 +119,7 @@ def compare(scenario: str, frames: int, seed: int) -> Pairs:
     same = [fitted(order, pictures, one) for one in zip(*played, strict=True)]
     seen = dict(zip(SIZES, zip(*same, strict=True), strict=True))
     theirs = {size: [view.frame for view in found] for size, found in seen.items()}
-    theirs[SMALL] = [nearest(frame, SMALL) for frame in theirs[SIZES[1]]]
+    theirs[SMALL] = [picked_image(frame, (SMALL[1], SMALL[0])) for frame in theirs[SIZES[1]]]
     pairs: Pairs = []
     for size, expected in theirs.items():
         images = ours(scenario, seen[SIZES[0]], size)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import itertools
+import math
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -238,6 +240,17 @@ def test_pixels_are_sampled_at_their_lower_right_corners() -> None:
     assert np.flatnonzero(np.arange(120) + 1 > top)[0] == 48
 
 
+@pytest.mark.parametrize("samples", [1, 2])
+def test_picked_pixels_are_at_the_centres(samples: int) -> None:
+    rng = np.random.default_rng(samples)
+    screen = rng.integers(0, 256, (240, 320, 3), np.uint8)
+    seen = vizdoom_buffers.picked_image(screen, (48, 64), samples).astype(int)
+    for row, column in itertools.product(range(48), range(64)):
+        centres = [(column + (k + 0.5) / samples) * 320 / 64 for k in range(samples)]
+        own = [screen[5 * row + 2, math.floor(x)].astype(int) for x in centres]
+        np.testing.assert_array_equal(seen[row, column], sum(own) // samples)
+
+
 def test_unsupported_scenarios_seeds_and_sizes_are_refused(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -328,3 +341,14 @@ def test_game_state_includes_all_monsters() -> None:
             assert sorted(places[0]) == sorted(places[1])
         assert np.asarray(theirs.living).all()
         assert int(session.state.trigger.ammo) == 52
+
+
+@pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
+def test_game_look_sees_the_pixels_of_the_game(real_frames: None) -> None:
+    env, params = jaxenstein.make("doom-my-way-home", look="game", height=48, width=64)
+    with vizdoom.GameSession(env, params, seed=1) as session:
+        del real_frames
+        for _ in range(3):
+            ours = np.asarray(env.observe(session.state, params))
+            assert (ours == session.observation).all(axis=-1).mean() > 0.99
+            session.step(env.index_of("turn left"))

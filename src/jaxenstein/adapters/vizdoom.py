@@ -20,6 +20,7 @@ from ..environment import AnyEnvironment
 from ..episodes.policies import Policy
 from ..episodes.session import NO_OP, Session, check_seed, whole_action
 from ..errors import SettingError, quoted
+from ..tasks.doom.game_look import screen_of
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
 from .batch import checked_seed
@@ -31,6 +32,7 @@ from .vizdoom_buffers import (
     grey,
     label_image,
     load_vizdoom,
+    picked_image,
     running,
     screen_for,
 )
@@ -60,8 +62,9 @@ class GameSession(Session):
 
     Observations come from the game's buffers. Depths are in tiles; they come from 8 bits, in steps
     of 7.1 map units. `labels` distinguishes floor, ceiling, walls and things. In maps with several
-    textures, wall labels are looked up on the map, because no buffer has them. Colours are those
-    of the game's textures; ours are their means.
+    textures, wall labels are looked up on the map, because no buffer has them. With
+    `look="game"`, colours are pixels of the game's screen, the ones that this look draws. Otherwise
+    they are means of the game's pixels, where ours are means of whole textures.
     """
 
     env: DoomScenario[Any, Any]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -76,16 +79,19 @@ class GameSession(Session):
             seed: the seed of the first episode.
 
         Raises:
-            SettingError: the game has no such scenario, the image is larger than its screens, the
-                params have a batch axis, or the seed is invalid.
+            SettingError: the game has no such scenario or no screen for the image, the params
+                have a batch axis, or the seed is invalid.
         """
         check_seed(seed)
         scenario = check_scenario(env)
         assert isinstance(env, DoomScenario)
         params = env.single_params(params)
         limit = int(params.max_steps_in_episode)
-        size = screen_for(env.height, env.width)
-        weapon = env.show_weapon
+        self._picks = env.look == "game" and env.observation in ("rgb", "gray", "dict")
+        size, weapon = screen_for(env.height, env.width), env.show_weapon
+        if self._picks:
+            rows, columns = screen_of(env.view_height, int(env.width), int(env.samples))
+            size, weapon = (columns, rows), env.weapon_look is not None
 
         def prepare(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
@@ -203,7 +209,11 @@ class GameSession(Session):
                 walls = np.full(self.env.width, self._wall, np.uint8)
             self.observation = label_image(self._seen.labels_buffer, size, things, walls)
         else:
-            image = colour_image(self.screen, (self.env.view_height, self.env.width))
+            view = self.env.view_height, int(self.env.width)
+            if self._picks:
+                image = picked_image(self.screen, view, int(self.env.samples))
+            else:
+                image = colour_image(self.screen, view)
             if kind == "gray":
                 image = grey(image)
             if self.env.hud:

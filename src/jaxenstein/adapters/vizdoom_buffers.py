@@ -63,17 +63,23 @@ def running(
         scenario: the name of the scenario, such as `"my_way_home"`.
         seed: the seed of the game.
         variables: the names of the game variables in each state, in this order.
-        size: width and height of the screen, one of `SCREENS`.
+        size: width and height of the screen.
         prepare: a function that changes more settings before the game starts.
+
+    Raises:
+        SettingError: the game has no screen of this size.
     """
     vizdoom = load_vizdoom()
     game = vizdoom.DoomGame()
+    resolution = getattr(vizdoom.ScreenResolution, "RES_{}X{}".format(*size), None)
+    if resolution is None:
+        raise SettingError("the game has no screen of {}x{} pixels".format(*size))
     with tempfile.TemporaryDirectory() as folder:
         game.load_config(str(Path(vizdoom.scenarios_path) / f"{scenario}.cfg"))
         game.set_doom_config_path(str(Path(folder) / "settings.ini"))
         game.set_window_visible(False)
         game.set_sound_enabled(False)
-        game.set_screen_resolution(getattr(vizdoom.ScreenResolution, "RES_{}X{}".format(*size)))
+        game.set_screen_resolution(resolution)
         game.set_available_game_variables([getattr(vizdoom.GameVariable, v) for v in variables])
         game.set_seed(seed)
         if prepare is not None:
@@ -143,6 +149,21 @@ def colour_image(screen: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """uint8[height, width, 3]: a screen; each pixel is the mean of the area it covers."""
     height, width = size
     return np.asarray(Image.fromarray(screen).resize((width, height), Image.Resampling.BOX))
+
+
+def picked_image(screen: np.ndarray, size: tuple[int, int], samples: int = 1) -> np.ndarray:
+    """uint8[height, width, 3]: the pixels of a screen that `look="game"` draws.
+
+    They are the pixels at the centres of the image's pixels or, with two samples, the means of the
+    pixels at the centres of their left and right halves.
+    """
+    height, width = size
+    rows, columns = (
+        ((np.arange(few) + 0.5) * many / few).astype(int)
+        for few, many in zip((height, samples * width), screen.shape[:2], strict=True)
+    )
+    pixels = screen[rows[:, None], columns].reshape(height, width, samples, 3)
+    return (pixels.sum(axis=2, dtype=np.int32) // samples).astype(np.uint8)
 
 
 def grey(image: np.ndarray) -> np.ndarray:
