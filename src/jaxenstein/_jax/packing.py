@@ -57,8 +57,8 @@ class Packing:
         )
         self.words = ends[-1]
         self._record = _record(self._leaves, self.words)
-        self._readers = [_reader(leaf) for leaf in self._leaves]
-        self._views = {leaf.dtype.char for leaf in self._leaves if _is_word(leaf)} | {_WORD.char}
+        # The character of the dtype of each scalar of one word, or "".
+        self._chars = [leaf.dtype.char if _is_word(leaf) else "" for leaf in self._leaves]
         self._hash = hash((self._tree, self._leaves))
 
     def __eq__(self, other: object) -> bool:
@@ -96,8 +96,12 @@ class Packing:
         numpy than `read`, each of which takes long to start.
         """
         words = np.asarray(rows)[0]
-        views = {char: words.view(char) for char in self._views}
-        return jax.tree.unflatten(self._tree, [reader(views) for reader in self._readers])
+        views = {char: words.view(char) for char in {*self._chars} if char}
+        values = [
+            views[char][leaf.first] if char else _read_one(words, leaf)
+            for char, leaf in zip(self._chars, self._leaves, strict=True)
+        ]
+        return jax.tree.unflatten(self._tree, values)
 
 
 def _kind_of_keys(leaf: Any) -> Any:
@@ -157,20 +161,12 @@ def _is_word(leaf: _Leaf) -> bool:
     return leaf.shape == () and leaf.dtype.itemsize == _WORD.itemsize
 
 
-def _reader(leaf: _Leaf) -> Callable[[dict[str, np.ndarray]], Any]:
-    """A function of the words of a row, by the character of a dtype, that returns an array."""
-    first, end, char = leaf.first, leaf.end, leaf.dtype.char
-    if _is_word(leaf):
-        return lambda views: views[char][first]
+def _read_one(words: np.ndarray, leaf: _Leaf) -> Any:
+    """An array of a row uint32[words], or a scalar."""
     if leaf.shape == () and leaf.dtype == np.bool_:
-        return lambda views: bool(views[_WORD.char][first])
-    kind = _kind_in_row(leaf)
-
-    def read(views: dict[str, np.ndarray]) -> Any:
-        array = np.array(views[_WORD.char][first:end]).view(kind).reshape(leaf.shape)
-        return _read(array, leaf.dtype)[()]
-
-    return read
+        return bool(words[leaf.first])
+    array = np.array(words[leaf.first : leaf.end]).view(_kind_in_row(leaf)).reshape(leaf.shape)
+    return _read(array, leaf.dtype)[()]
 
 
 def _kind_in_row(leaf: _Leaf) -> np.dtype[Any]:
