@@ -24,7 +24,7 @@ STEPS_A_CALL = 2**15
 TRAINED_STEPS = 10_000_000
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
 # Scenarios with `look="game"`.
-PICTURED = ("my-way-home", "health-gathering", "health-gathering-supreme")
+PICTURED = ("my-way-home", "health-gathering", "health-gathering-supreme", "defend-the-center")
 SHOOTING = (
     "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
     "take-cover", "deathmatch",
