@@ -107,14 +107,15 @@ class DoomScenario(FirstPerson[S, P]):
         if self.look == "game":
             # Read the pictures now: a damaged file is an error here, not in the first step.
             assert self.game.theme.textures is not None
-        check_overlays(
-            self.name,
-            self.limits,
-            hud=self.hud,
-            show_weapon=self.show_weapon,
-            observation=self.observation,
-            height=self.height,
-        )
+        if self.hud or self.show_weapon:
+            check_overlays(
+                self.name,
+                self.limits,
+                hud=self.hud,
+                show_weapon=self.show_weapon,
+                observation=self.observation,
+                height=self.height,
+            )
 
     @property
     @abc.abstractmethod
