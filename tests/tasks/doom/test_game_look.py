@@ -59,7 +59,7 @@ def test_most_pixels_match_the_game(pictures: Wad, scenario: str) -> None:
     # Smaller frames are taken out of a screen of the game.
     expected = {
         small: theirs[small],
-        SMALL: [picked_image(frame, SMALL[::-1]) for frame in theirs[large]],
+        SMALL: [picked_image(frame, (SMALL[1], SMALL[0])) for frame in theirs[large]],
     }
     for size, frames in expected.items():
         images = ours(scenario, views, size)
