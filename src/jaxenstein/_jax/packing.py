@@ -59,6 +59,7 @@ class Packing:
         self._record = _record(self._leaves, self.words)
         # The character of the dtype of each scalar of one word, or "".
         self._chars = [leaf.dtype.char if _is_word(leaf) else "" for leaf in self._leaves]
+        self._views = tuple({*self._chars} - {""})
         self._hash = hash((self._tree, self._leaves))
 
     def __eq__(self, other: object) -> bool:
@@ -96,7 +97,7 @@ class Packing:
         numpy than `read`, each of which takes long to start.
         """
         words = np.asarray(rows)[0]
-        views = {char: words.view(char) for char in {*self._chars} if char}
+        views = {char: words.view(char) for char in self._views}
         values = [
             views[char][leaf.first] if char else _read_one(words, leaf)
             for char, leaf in zip(self._chars, self._leaves, strict=True)

@@ -36,7 +36,7 @@ class Light:
     """The brightness of surfaces: factors from 0 to 1 on their colours. Tasks may override it."""
 
     def wall(self, depth: jax.Array, horizontal: jax.Array, along: jax.Array) -> jax.Array:
-        """float32: the factor for walls; the arguments are as in `raycast.Hits`."""
+        """float32: the factor for walls; the arguments are as in `hits.Hits`."""
         side = by_side(horizontal, jnp.float32(SIDE_LIGHT), 1)
         at_seam = jnp.abs(along - 0.5) > 0.5 - SEAM_WIDTH
         seam = jnp.where(at_seam, SEAM_SHADE * jnp.clip(1 - depth / SEAM_FADES, 0, 1), 0)
@@ -50,7 +50,7 @@ class Light:
 def by_side(horizontal: jax.Array, lengthwise: Any, crosswise: Any) -> jax.Array:
     """The first value for walls that look north or south, the second for west and east.
 
-    Free walls that look elsewhere have their mean (see `raycast.Hits`).
+    Free walls that look elsewhere have their mean (see `hits.Hits`).
     """
     if horizontal.dtype == bool:
         return jnp.where(horizontal, lengthwise, crosswise)
