@@ -91,7 +91,7 @@ class GameSession(Session):
         size, weapon = screen_for(env.height, env.width), env.show_weapon
         if self._picks:
             rows, columns = screen_of(env.view_height, int(env.width), int(env.samples))
-            size, weapon = (columns, rows), env.game.weapon is not None
+            size, weapon = (columns, rows), bool(env.game.weapons)
 
         def prepare(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)

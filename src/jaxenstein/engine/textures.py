@@ -64,6 +64,7 @@ class Materials(PyTreeNode):
             None if walls have no ends. Free walls begin at 0 if it is None.
         length: int32[M], the length of the wall in texel columns; None if walls have no ends. The
             length of a free wall follows from `across` if it is None.
+        row: int32[M], the texel row at the top of the wall; None for 0.
     """
 
     first: np.ndarray
@@ -74,6 +75,7 @@ class Materials(PyTreeNode):
     offset: np.ndarray
     begin: np.ndarray | None = None
     length: np.ndarray | None = None
+    row: np.ndarray | None = None
 
 
 class Flats(PyTreeNode):

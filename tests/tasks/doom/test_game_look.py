@@ -133,12 +133,6 @@ def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
 @pytest.mark.parametrize(
     ("name", "settings", "error", "message"),
     [
-        (
-            "doom-deathmatch",
-            {"look": "game"},
-            SettingError,
-            "look='game' is only for doom-my-way-home, .*, doom-basic, .*, doom-deadly-corridor$",
-        ),
         ("simple", {"look": "game"}, SettingError, "look='game' is only for doom-my-way-home, "),
         ("doom-my-way-home", {"wad": "a.wad"}, SettingError, "wad needs look='game'"),
         ("doom-my-way-home", {"samples": 2}, SettingError, "samples needs look='game'"),

@@ -22,8 +22,9 @@ from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .fixed import ONE
-from .game_things import Look, Shown
+from .game_things import Shown
 from .monster_kinds import CACODEMON
+from .monster_looks import TARGET
 from .motion import moved
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
@@ -80,11 +81,7 @@ class Target(Part):
     """A passive monster: `state.target` and `state.killed`."""
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
-
-    @property
-    def looks(self) -> tuple[Look, ...]:
-        """The game's pictures of the monster alive and hit."""
-        return tuple(Look("HEAD", letter, picture=i) for i, letter in enumerate("AG"))
+    looks = TARGET
 
     def sprites(self, state: DoomBasicState) -> Sprites:
         """The monster, alive or dead."""

@@ -114,7 +114,8 @@ def falling(*frames: Frame) -> tuple[Frame, ...]:
     return tuple(replace(frame, height=z) for frame, z in zip(frames, heights, strict=True))
 
 
-_BOTTLE = [Frame(letter) for letter in "ABCDCB" for _ in range(6)]
+_SWAY = [Frame(letter, 6) for letter in "ABCDCB"]
+_BOTTLE = [Frame(frame.letter) for frame in _SWAY for _ in range(frame.tics)]
 # A thing that a script made: its age is 0 in the first tic that shows it, the second of its frame.
 _MEDKIT = Animation("MEDI", (*falling(*[Frame()] * 6), Frame()), once=6)
 ANIMATIONS = {
@@ -124,6 +125,23 @@ ANIMATIONS = {
     "Poison": Animation("BON1", (*falling(*_BOTTLE[1:7]), *_BOTTLE[7:], *_BOTTLE[:7]), once=6),
 }
 """The pictures of things, by the game's names."""
+_BEGIN = ANIMATIONS["GreenArmor"].start
+LYING = {
+    "Medikit": Animation("MEDI"),
+    "Stimpack": Animation("STIM"),
+    "HealthBonus": Animation("BON1", tuple(_SWAY), _BEGIN),
+    "ArmorBonus": Animation("BON2", tuple(_SWAY), _BEGIN),
+    "GreenArmor": ANIMATIONS["GreenArmor"],
+    "BlueArmor": Animation("ARM2", (Frame("A", 6), Frame("B", 6, bright=True)), _BEGIN),
+    "ClipBox": Animation("AMMO"),
+    "ShellBox": Animation("SBOX"),
+    "RocketBox": Animation("BROK"),
+    "Chainsaw": Animation("CSAW"),
+    "SuperShotgun": Animation("SGN2"),
+    "Chaingun": Animation("MGUN"),
+    "RocketLauncher": Animation("LAUN"),
+}
+"""The pictures of things that lie on the map from the start."""
 
 
 def looks_of(animations: Sequence[Animation]) -> tuple[Look, ...]:
