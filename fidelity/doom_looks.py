@@ -23,7 +23,7 @@ import numpy as np
 
 import jaxenstein
 from fidelity.doom_picture import SIZES, STEPPED, renderers, shares
-from fidelity.doom_views import View, fitted, views
+from fidelity.doom_views import PLAYER, View, fitted, views
 from jaxenstein.adapters.vizdoom_buffers import picked_image
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Held, Sprites
@@ -87,7 +87,7 @@ def billboards(env: Any, view: View, count: int) -> Sprites:
         same = [
             (abs(own.height * ONE - z), index)
             for index, own in enumerate(env.game.looks)
-            if (own.sprite, own.letter) == (look.sprite, look.frame)
+            if (PLAYER if own.green else own.sprite, own.letter) == (look.sprite, look.frame)
         ]
         visible.append(bool(same))
         if same:

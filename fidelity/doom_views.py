@@ -42,8 +42,12 @@ GOLD = 48
 # The light that a shot can add, and the number of tics in which a weapon is raised.
 FLASHES, RAISING = (0, 16, 32), 20
 REST = 32 * ONE + ONE * 3 // 8
+# What the player gets in Deathmatch, so that frames have all weapons that we have.
+GIFTS = "Chainsaw", "Shotgun", "SuperShotgun", "Chaingun", "RocketLauncher", "ammo"
 UNARMED = "my_way_home", "health_gathering", "health_gathering_supreme", "take_cover"
 
+# Copies of the player: the marines' pictures, in green.
+PLAYER = "PLAY+"
 SPRITES = {
     "GreenArmor": "ARM1",
     "Medikit": "MEDI",
@@ -78,6 +82,7 @@ SPRITES = {
     "SuperShotgun": "SGN2",
     "RocketLauncher": "LAUN",
     "PlasmaRifle": "PLAS",
+    "DoomPlayer": PLAYER,
 }
 """The sprites of things by their names in the game, without the prefix `Dead` of corpses."""
 BLENDS: dict[str, Blend] = {"BAL1": "add", "BAL7": "add", "TFOG": "add", "PUFF": "mean"}
@@ -165,7 +170,7 @@ def views(
         def begin() -> None:
             game.new_episode()
             if scenario == "deathmatch":
-                for gift in ("weapons", "ammo"):
+                for gift in GIFTS:
                     game.send_game_command(f"give {gift}")
 
         for number in range(frames):
@@ -218,7 +223,7 @@ def look(scenario: str, state: Any) -> View:
     things = []
     for o in state.objects:
         sprite = SPRITES.get(o.name.removeprefix("Dead"))
-        if sprite:
+        if sprite and math.dist((o.position_x, o.position_y), (x, y)) > 1:
             towards = math.degrees(math.atan2(o.position_y - y, o.position_x - x))
             side = int((towards - o.angle + 202.5) % 360 // 45)
             feet = map(to_fixed, (o.position_x, o.position_y, o.position_z - floor))
@@ -270,7 +275,7 @@ def drawn(renderer: Renderer, pictures: Wad, view: View) -> np.ndarray:
 @functools.cache
 def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
     """A picture of a sprite; marines get their own colour."""
-    found = pictures.sprite(sprite, frame)[side]
+    found = pictures.sprite(sprite[:4], frame)[side]
     if sprite != "PLAY":
         return found
     green = (found.pixels >= 112) & (found.pixels < 128)
@@ -280,7 +285,7 @@ def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
 @functools.cache
 def looks(pictures: Wad, sprite: str, side: int) -> tuple[Look, ...]:
     """All pictures of a thing from one side."""
-    names = [name for name in pictures.names("S") if name[:4] == sprite]
+    names = [name for name in pictures.names("S") if name[:4] == sprite[:4]]
     frames = sorted({name[i] for name in names for i in (4, 6) if name[i:]})
     if sprite in LIFELESS:
         return tuple(Look(sprite, frame, side, False) for frame in frames)

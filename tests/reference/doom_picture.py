@@ -91,7 +91,7 @@ class Renderer:
                 raise ValueError(f"texture {name} is {texture.shape[0]} rows high")
         # The last pose and light that were drawn, and the last things with the frame they gave.
         self.drawn: tuple[Pose, int] | None = None
-        self.dressed: tuple[list[object], Sequence[Thing], np.ndarray] | None = None
+        self.dressed: tuple[object, Sequence[Thing], np.ndarray] = None, (), np.zeros(0)
         self.floor, self.ceiling = (
             pictures.flat(name) if name in pictures.names("F") else pictures.texture(name)
             for name in (game_map.floor_flat, game_map.ceiling_flat)
@@ -134,9 +134,9 @@ class Renderer:
         """uint8[height, width]: the frame as palette indices."""
         if (pose, self.light) != self.drawn:
             self.empty(pose)
-            self.drawn, self.dressed = (pose, self.light), None
+            self.drawn, self.dressed = (pose, self.light), (None, (), self.frame)
         key = [(id(t.picture), t.x, t.y, t.z, t.bright, t.blend) for t in things]
-        if self.dressed is None or self.dressed[0] != key:
+        if self.dressed[0] != key:
             frame = self.frame.copy()
             for sprite in self.far_first(things):
                 paint(frame, sprite.stamp, self.hidden(sprite), self.colormap, self.palette)

@@ -137,7 +137,7 @@ def test_things_and_weapon_are_drawn_as_in_the_game(pictures: Wad) -> None:
             things = []
             for look, (x, y), turn in zip(looks.tolist(), places.tolist(), facing, strict=True):
                 side = side_of(pose, (x, y), int(turn))
-                picture = dressed(LOOKS[look].sprite, sprites[look][side])
+                picture = dressed(LOOKS[look], sprites[look][side])
                 z, bright = LOOKS[look].height * ONE, LOOKS[look].bright
                 things.append(Thing(picture, x, y, z, bright, BLENDS[look]))
             weapons = [
@@ -189,7 +189,9 @@ def test_the_pistol_fires_as_in_the_game() -> None:
 def test_the_pistol_is_raised_as_in_the_game() -> None:
     trigger = Trigger(jnp.int32(19), jnp.bool_(False), jnp.int32(9), jnp.int32(0))
     rows = [
-        float(held((WEAPON_LOOKS["pistol"],), trigger, jnp.float32(0), jnp.int32(tic))[0].place[0, 1])
+        float(
+            held((WEAPON_LOOKS["pistol"],), trigger, jnp.float32(0), jnp.int32(tic))[0].place[0, 1]
+        )
         for tic in range(10, 17)
     ]
     assert rows == [62, 56, 50, 44, 38, 32.375, 32.375]

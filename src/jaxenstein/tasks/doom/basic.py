@@ -22,7 +22,7 @@ from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .fixed import ONE
-from .game_things import Shown
+from .game_things import Look, Shown
 from .monster_kinds import CACODEMON
 from .monster_looks import TARGET
 from .motion import moved
@@ -81,7 +81,11 @@ class Target(Part):
     """A passive monster: `state.target` and `state.killed`."""
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
-    looks = TARGET
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures of the monster alive and hit."""
+        return TARGET
 
     def sprites(self, state: DoomBasicState) -> Sprites:
         """The monster, alive or dead."""

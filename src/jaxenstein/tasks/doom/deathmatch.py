@@ -16,9 +16,9 @@ from ...params import Params, Scalar, number
 from ..draws import random_bits, sample_index
 from .arsenal import SELECT, SWITCHING, Arms, Arsenal
 from .collision import segments
+from .deathmatch_look import SCENERY, Fog, Fogs, Scenery
 from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .fixed import ONE
-from .fogs import Fog, Fogs
 from .items import ITEMS, MOST_ARMOUR, MOST_HEALTH, TAKING, Armour, Items
 from .monster_kinds import (
     CHAINGUN_GUY,
@@ -160,8 +160,9 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     @functools.cached_property
     def items(self) -> Items:
         """The things to pick up."""
-        found = [ITEMS[thing.kind] for thing in self.doom_map.things]
-        places = np.array([(thing.x, thing.y) for thing in self.doom_map.things])
+        lying = [thing for thing in self.doom_map.things if thing.kind not in SCENERY]
+        found = [ITEMS[thing.kind] for thing in lying]
+        places = np.array([(thing.x, thing.y) for thing in lying])
         return Items(found, (places * ONE).astype(np.int32), self.arsenal)
 
     @functools.cached_property
@@ -186,10 +187,13 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Health, armour, weapons, monsters, fireballs, things to pick up, rockets."""
+        """Health, armour, weapons, monsters, fireballs, things to pick up, rockets.
+
+        With `look="game"` also fog and scenery.
+        """
         player = Health(MOST_HEALTH), self.armour, self.arsenal
-        fog = (self.fog,) if self.look == "game" else ()
-        return *player, self.horde, self.fireballs, self.items, self.rockets, *fog
+        more = (self.fog, Scenery(self.doom_map.things)) if self.look == "game" else ()
+        return *player, self.horde, self.fireballs, self.items, self.rockets, *more
 
     @functools.cached_property
     def limits(self) -> dict[str, int]:

@@ -33,6 +33,7 @@ class Look:
         height: of the thing above the floor, in map units.
         picture: the picture that shows the thing in images of labels and depth, counted over the
             part's objects.
+        green: whether a marine keeps the green of the picture, as the player does.
     """
 
     sprite: str
@@ -41,6 +42,7 @@ class Look:
     blend: int = COVER
     height: int = 0
     picture: int = 0
+    green: bool = False
 
 
 class Shown(NamedTuple):
@@ -279,14 +281,14 @@ def read_views(wad: Wad, looks: Sequence[Look]) -> Views:
         turns.append(turned)
         shown = sides if turned else sides[:1]
         assert len(shown) in (1, ROTATIONS)
-        pictures += [dressed(look.sprite, side) for side in shown]
+        pictures += [dressed(look, side) for side in shown]
         rows += [number] * len(shown)
     return Views(np.array(first, np.int32), np.array(turns), np.array(rows), pictures)
 
 
-def dressed(sprite: str, picture: Picture) -> Picture:
-    """A picture of a sprite in the colours in which the game shows it."""
-    if sprite != MARINES:
+def dressed(look: Look, picture: Picture) -> Picture:
+    """A picture of a look in the colours in which the game shows it."""
+    if look.sprite != MARINES or look.green:
         return picture
     low, high = GREENS
     green = (picture.pixels >= low) & (picture.pixels <= high)

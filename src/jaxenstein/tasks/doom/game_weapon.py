@@ -172,13 +172,13 @@ def held(
     if selected is not None:
         changes = trigger.wait > 0
         # The weapon is lowered from its rest, and the next one raised from below.
-        lacks = jnp.where(
-            trigger.wait < RAISE_TICS, trigger.wait + 1, SWITCH_TICS - trigger.wait + (REST - UP) / RISE
-        )
+        wait = trigger.wait.astype(jnp.float32)
+        lowered = SWITCH_TICS + (REST - UP) / RISE - wait
+        lacks = jnp.where(trigger.wait < RAISE_TICS, wait + 1, lowered)
         place = jnp.where(changes, _lower(lacks), place)
         idles = np.array([look.idles(known) for look in looks], np.int32)
         gun = jnp.where(rests & ~changes, jnp.asarray(idles)[selected, time // IDLES % 2], gun)
-    place = jnp.where(time < looks[0].up, _lower(looks[0].up - time), place)
+    place = jnp.where(time < looks[0].up, _lower((looks[0].up - time).astype(jnp.float32)), place)
     shown = Held(
         picture=jnp.stack([jnp.maximum(flash, 0), gun]),
         place=jnp.stack([place, place]),
@@ -188,10 +188,9 @@ def held(
 
 
 def _lower(lacks: jax.Array) -> jax.Array:
-    """float32[2]: the place of a weapon that lacks so many tics until it is up."""
-    return np.array([0, UP], np.float32) + np.array([0, RISE], np.float32) * lacks.astype(
-        jnp.float32
-    )
+    """float32[2]: the place of a weapon that lacks float32[] tics until it is up."""
+    low, rise = np.array([0, UP], np.float32), np.array([0, RISE], np.float32)
+    return jnp.asarray(low) + rise * lacks
 
 
 def pictures_of(looks: Sequence[WeaponLook]) -> list[tuple[str, str]]:

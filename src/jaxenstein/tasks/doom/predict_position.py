@@ -20,7 +20,7 @@ from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import bearing, offsets, segments
 from .fixed import ONE
-from .game_things import Shown
+from .game_things import Look, Shown
 from .monster_ai import approximate, turned, walk
 from .monster_kinds import CACODEMON
 from .monster_looks import TARGET
@@ -87,7 +87,11 @@ class Walker(Part):
     """The monster: `state.monsters` and `state.killed`."""
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
-    looks = TARGET
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures of the monster alive and hit."""
+        return TARGET
 
     def sprites(self, state: DoomPredictState) -> Sprites:
         """The monster, alive or dead."""

@@ -1,7 +1,8 @@
-"""The fog in which monsters appear, with `look="game"`: `state.fogs`."""
+"""What only `look="game"` shows in Deathmatch: fog, and things with which nothing happens."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -10,7 +11,9 @@ import numpy as np
 
 from ...engine.textures import ADD
 from ...pytree import PyTreeNode
+from .fixed import ONE
 from .game_things import Look, Shown
+from .maps import MapThing
 from .parts import Part
 
 _LETTERS, _TICS = "ABABCDEFGHIJ", 6
@@ -31,7 +34,7 @@ class Fogs(PyTreeNode):
 
 
 class Fog(Part):
-    """At most `count` fogs; more replace the oldest."""
+    """The fog in which monsters appear: `state.fogs`, at most `count`; more replace the oldest."""
 
     def __init__(self, count: int) -> None:
         """Set the most fogs."""
@@ -69,3 +72,37 @@ class Fog(Part):
         frame = fogs.age // _TICS
         look = jnp.asarray(table).at[frame].get(mode="clip")
         return Shown(fogs.position, look, frame < len(_LETTERS))
+
+
+SCENERY = {17: "CELP", 2004: "PLAS"}
+"""The sprites of the things on the map that do nothing, by their numbers."""
+# The game has a copy of the player at each of its other starts: x, y and eighths of a turn.
+_COPIES = ((320, 832, 0), (40, 984, 7))
+
+
+class Scenery(Part):
+    """Things that never change: copies of the player, and things that our states leave out."""
+
+    def __init__(self, things: Sequence[MapThing]) -> None:
+        """Read the places of the things on the map."""
+        own = [thing for thing in things if thing.kind in SCENERY]
+        places = [(x, y) for x, y, _ in _COPIES] + [(thing.x, thing.y) for thing in own]
+        self._places = (np.array(places) * ONE).astype(np.int32)
+        kinds = [0] * len(_COPIES) + [1 + list(SCENERY).index(thing.kind) for thing in own]
+        self._looks = np.array(kinds, np.int32)
+        eighths = [eighth for *_, eighth in _COPIES] + [0] * len(own)
+        self._facing = np.array(eighths, np.uint32) << np.uint32(29)
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures."""
+        own = (Look(sprite, picture=-1) for sprite in SCENERY.values())
+        return Look("PLAY", picture=-1, green=True), *own
+
+    def shown(self, state: Any, tic: jax.Array) -> Shown:
+        """All of them."""
+        del state, tic
+        here = jnp.ones(len(self._places), bool)
+        return Shown(
+            jnp.asarray(self._places), jnp.asarray(self._looks), here, jnp.asarray(self._facing)
+        )
