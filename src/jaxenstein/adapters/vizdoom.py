@@ -73,8 +73,8 @@ class GameSession(Session):
         """Start the game.
 
         Args:
-            env: an environment of the `doom-` family; its buttons, frame skip, image size and
-                kind of observation also apply in the game.
+            env: an environment of the `doom-` family; its buttons, frame skip, image size, kind
+                of observation and WAD file also apply in the game.
             params: its params; only `max_steps_in_episode` matters in the game.
             seed: the seed of the first episode.
 
@@ -102,6 +102,8 @@ class GameSession(Session):
             game.set_labels_buffer_enabled(env.observation == "labels")
             game.set_objects_info_enabled(True)
             game.set_episode_timeout(limit)
+            if env.wad is not None:
+                game.set_doom_game_path(env.wad)
 
         self._stack = contextlib.ExitStack()
         self._game = self._stack.enter_context(
