@@ -11,7 +11,7 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 pytest.importorskip("stable_baselines3")
 
-from experiments import way_back
+from experiments import way_back  # noqa: E402
 
 
 class Toy(gymnasium.Env):
