@@ -104,13 +104,15 @@ def _opened(run: Path) -> tuple[Trained, Row]:
 def reward_scale(spec: Spec) -> float | None:
     """The factor on all of the game's rewards in training; None if they have several."""
     default = spec.build()[0].default_params
-    given = {name: value for name, value in spec.params.items() if name not in LIMITS}
-    factors = set()
-    for name, value in given.items():
-        usual = float(getattr(default, name))
-        fits = isinstance(value, int | float) and usual != 0
-        factors.add(round(float(value) / usual, 6) if fits else None)
-    return factors.pop() if len(factors) == 1 else None if factors else 1.0
+    factors: set[float | None] = set()
+    for name, value in spec.params.items():
+        if name not in LIMITS:
+            usual = float(getattr(default, name))
+            fits = not isinstance(value, tuple) and usual
+            factors.add(round(value / usual, 6) if fits else None)
+    if not factors:
+        return 1.0
+    return factors.pop() if len(factors) == 1 else None
 
 
 def _in(trained: Trained, spec: Spec) -> Trained:

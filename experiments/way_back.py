@@ -42,7 +42,7 @@ def seen(scenario: str, module: str) -> Any:
 def trained(scenario: str, steps: int) -> PPO:
     """PPO after so many decisions in the game."""
     game = lambda: seen(scenario, "vizdoom.gymnasium_wrapper")  # noqa: E731
-    games = make_vec_env(lambda: TransformReward(game(), lambda r: SCALE * r), GAMES, seed=0)
+    games = make_vec_env(lambda: TransformReward(game(), lambda r: SCALE * float(r)), GAMES, seed=0)
     model = PPO("CnnPolicy", games, seed=0, verbose=1, device="cpu", **SETTINGS).learn(steps)
     games.close()
     return model
