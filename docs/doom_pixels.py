@@ -108,8 +108,7 @@ def reward_scale(spec: Spec) -> float | None:
     for name, value in spec.params.items():
         if name not in LIMITS:
             usual = float(getattr(default, name))
-            fits = not isinstance(value, tuple) and usual
-            factors.add(round(value / usual, 6) if fits else None)
+            factors.add(None if isinstance(value, tuple) or not usual else round(value / usual, 6))
     if not factors:
         return 1.0
     return factors.pop() if len(factors) == 1 else None

@@ -44,7 +44,6 @@ def trained(scenario: str, steps: int) -> PPO:
     game = lambda: seen(scenario, "vizdoom.gymnasium_wrapper")  # noqa: E731
     games = make_vec_env(lambda: TransformReward(game(), lambda r: SCALE * float(r)), GAMES, seed=0)
     model = PPO("CnnPolicy", games, seed=0, verbose=1, device="cpu", **SETTINGS).learn(steps)
-    games.close()
     return model
 
 
@@ -68,9 +67,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--episodes", type=int, default=100, help="episodes in each place")
     parser.add_argument("--model", type=Path, help="the agent's file, .zip")
     told = parser.parse_args(argv)
-    kept = told.model is not None and told.model.exists()
+    kept = told.model and told.model.exists()
     model = PPO.load(told.model, device="cpu") if kept else trained(told.scenario, told.steps)
-    if told.model is not None and not kept:
+    if told.model and not kept:
         model.save(told.model)
     for place, module in (("in ViZDoom", "vizdoom.gymnasium_wrapper"), ("here", "jaxenstein")):
         earned = mean_interval(returns(model, seen(told.scenario, module), told.episodes))
