@@ -12,7 +12,6 @@ FILE.zip keeps the agent; if it exists, there is no training. Needs extras `sb3`
 
 import argparse
 import importlib
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -44,6 +43,7 @@ def trained(scenario: str, steps: int) -> PPO:
     game = lambda: seen(scenario, "vizdoom.gymnasium_wrapper")  # noqa: E731
     games = make_vec_env(lambda: TransformReward(game(), lambda r: SCALE * float(r)), GAMES, seed=0)
     model = PPO("CnnPolicy", games, seed=0, verbose=1, device="cpu", **SETTINGS).learn(steps)
+    games.close()
     return model
 
 
@@ -77,4 +77,4 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
