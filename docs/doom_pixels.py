@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from docs.page_parts import HERE, link_to, table
+from docs.page_parts import HERE, table
 from fidelity.doom_palette import ORDERS, exchanged
 from jaxenstein.baselines.runs.agents import WAYS, evaluate, evaluate_in_game
 from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
@@ -196,10 +196,10 @@ def agents_table() -> str:
     head = ("scenario", "sees", *(f"{way}, {place}" for way, place in columns), "minutes")
     cells = [
         [
-            _linked(row["id"]),
+            f"`{row['id']}`",
             row["sees"],
             *(_shown(row, place, way) for way, place in columns),
-            f"{row['minutes']:.0f}",
+            f"{row['minutes']:.3g}",
         ]
         for row in rows
     ]
@@ -211,7 +211,7 @@ def looks_table() -> str:
     places = (*LOOKS, GAME, OTHER)
     cells = [
         [
-            _linked(row["id"]),
+            f"`{row['id']}`",
             f"`{row['look']}`",
             *(_shown(row, place, "sampled") for place in places),
         ]
@@ -219,10 +219,6 @@ def looks_table() -> str:
     ]
     head = ("scenario", "trained in", *(f"`{look}`" for look in LOOKS), GAME, OTHER)
     return table(head, cells, range(2, len(head)))
-
-
-def _linked(name: str) -> str:
-    return link_to(name).replace("(", "(environments/")
 
 
 def _shown(row: Row, place: str, way: str) -> str:
@@ -235,8 +231,13 @@ def _shown(row: Row, place: str, way: str) -> str:
 
 
 def with_tables(page: str) -> str:
-    """The text of docs/doom-pixels.md with its tables between their marks, if they have rows."""
+    """The text of docs/doom-pixels.md with its tables and its figure between their marks.
+
+    Tables without rows are left out.
+    """
     parts = {"agents": agents_table(), "looks": looks_table()}
+    if any(_drawn()):
+        parts["agents"] += "\n\n![Training over minutes](images/results/doom-pixels.png)"
     for name, text in parts.items():
         block = re.compile(rf"(<!-- doom {name} -->\n).*?(<!-- end -->)", re.DOTALL)
         lines = f"{text}\n" if text.count("\n") > 1 else ""

@@ -97,8 +97,9 @@ def test_agents_are_added_from_their_run(files: Path, monkeypatch: pytest.Monkey
     assert values.shape == (2, len(row["curve"]["minutes"]))
     assert np.nanmin(values) < -20
     table = doom_pixels.PAGE.read_text()
-    assert "| [`doom-basic`](environments/" in table
+    assert "| `doom-basic` | 16x12 | " in table
     assert "looks -->\n<!-- end -->" in table
+    assert table.count("](images/results/doom-pixels.png)\n<!-- end -->") == 1
     assert doom_pixels.PICTURE.stat().st_size > 1000
 
 
