@@ -76,15 +76,13 @@ _TUNED: Mapping[str, Mapping[str, Any]] = {
     "icm": _OWN_VALUES,
     "e3b": {**_OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True},
 }
+_LONG = {"gamma": 0.997, "gae_lambda": 0.98, "bonus_gamma": 0.99, "normalise_rewards": True}
 # The defaults of each recipe that differ from the paper: for all algorithms ("*"), then for one.
 # docs/ablations.md has the measurements.
 RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
     "tuned": _TUNED,
-    "long": {
-        **_TUNED,
-        "*": {**_TUNED["*"], "gamma": 0.997, "gae_lambda": 0.98, "normalise_rewards": True},
-    },
+    "long": {**_TUNED, "*": {**_TUNED["*"], **_LONG}},
 }
 
 
