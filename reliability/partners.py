@@ -46,7 +46,7 @@ PARTNERS: dict[str, Partner] = {
         ("equinox", "tensorboardX", "wandb"),
     ),
     "vizdoom": Partner(
-        ("vizdoom>=1.3", "flax>=0.12", "optax>=0.2.4", "matplotlib>=3.8"),
+        ("vizdoom>=1.3", "flax>=0.12", "optax>=0.2.4", "matplotlib>=3.9"),
         (
             "adapters/test_vizdoom.py",
             "adapters/test_vizdoom_ids.py",
