@@ -167,7 +167,7 @@ def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
     [
         ("simple", {"look": "game"}, SettingError, "look='game' is only for doom-my-way-home, "),
         ("doom-my-way-home", {"wad": "a.wad"}, SettingError, "wad needs look='game'"),
-        ("doom-my-way-home", {"samples": 2}, SettingError, "samples needs look='game'"),
+        ("doom-my-way-home", {"samples": 2}, SettingError, "samples needs look='game' or 'r"),
         (
             "doom-my-way-home",
             {"look": "game", "wad": "no/a.wad"},

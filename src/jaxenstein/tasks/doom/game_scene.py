@@ -35,18 +35,20 @@ def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bo
     Raises:
         SettingError: `look`, `wad` or `samples` does not fit.
     """
-    if look not in ("plain", "game") and not takes_patterns:
+    if look == "patterned" and not takes_patterns:
         raise SettingError(
-            "look must be 'plain' or 'game' in Doom's scenarios, whose tiles are too small for "
-            f"patterns, not {look!r}"
+            "look must be 'plain', 'random' or 'game' in Doom's scenarios, whose tiles are too "
+            f"small for patterns, not {look!r}"
         )
-    if look == "game":
-        return
-    for name, given, default in ("wad", wad, None), ("samples", samples, 1):
-        if given != default:
+    on_screen = ("game",) if takes_patterns else ("game", "random")
+    for name, given, default, looks in (
+        ("wad", wad, None, ("game",)),
+        ("samples", samples, 1, on_screen),
+    ):
+        if given != default and look not in looks:
             raise SettingError(
-                f"{name} needs look='game': set that too, not {name}={quoted(given)} with "
-                f"look={quoted(look)}"
+                f"{name} needs look={' or '.join(map(repr, looks))}: set that too, not "
+                f"{name}={quoted(given)} with look={quoted(look)}"
             )
 
 
