@@ -165,9 +165,9 @@ def _plane(camera: Camera) -> np.ndarray:
 def paint(
     columns: TexturedColumns, rows: TexturedRows, scene: Scene, camera: Camera, kind: ImageKind
 ) -> jax.Array:
-    """int32[height, width + extra]: the index in the atlas of each pixel.
+    """uint32[height, width + extra]: the index in the atlas of each pixel.
 
-    If some pictures are mixed with what is behind them, uint32[height, width + extra], its colour.
+    If some pictures are mixed with what is behind them, its colour.
     """
     del kind
     textures = textures_of(scene.theme)
@@ -196,9 +196,9 @@ def _indices(
     across = below if columns.drop is None else below - columns.drop
     texel = rounded(below * columns.scale + columns.offset).astype(jnp.int32) & columns.last
     image = jnp.where(jnp.abs(across) < columns.half, columns.base + texel, image)
-    if columns.layers is None:
-        return image
-    return paint_over(columns.layers, _below(camera.at(textures.sampling.thing)), image)
+    if columns.layers is not None:
+        image = paint_over(columns.layers, _below(camera.at(textures.sampling.thing)), image)
+    return image.astype(jnp.uint32)
 
 
 def _below(camera: Camera) -> jax.Array:

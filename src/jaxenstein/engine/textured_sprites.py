@@ -19,7 +19,7 @@ from .._jax.staging import repeat, staged
 from ..pytree import PyTreeNode
 from .camera import Camera
 from .level import WORD
-from .pixels import test_bit, whole
+from .pixels import rounded, test_bit
 from .scene import Held, Theme
 from .shade import ImageKind
 from .sprites import Spots
@@ -37,7 +37,7 @@ class TexturedLayers(PyTreeNode):
     A pixel `y` rows below the horizon shows texel `round(scale * y + offset)`.
 
     Attributes:
-        opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
+        opaque: words of uint32[K, W], bits of the opaque texels; 0 where there is no billboard.
         base: int32[K, W], index of the topmost texel.
         scale: float32[K, W or 1], texels a pixel.
         offset: float32[K, W or 1], less one half.
@@ -45,7 +45,7 @@ class TexturedLayers(PyTreeNode):
         height: int32[K, W or 1], of the pictures in texels; likewise.
     """
 
-    opaque: jax.Array
+    opaque: tuple[jax.Array, ...]
     base: jax.Array
     scale: jax.Array
     offset: jax.Array
@@ -70,14 +70,13 @@ def project(
     # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
     texels = staged(partial(_texels, theme=theme, camera=camera))
     column, base = texels(spots, wall_depth, glare)
-    opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
     rate = cutouts.height / (cutouts.bottom - cutouts.top)
     rate = entry(rate.astype(np.float32), spots.picture)
     top = entry(cutouts.top, spots.picture)
     top = top if lift is None else top + lift
     scale = spots.depth(theme) * rate / jnp.float32(camera.row_focal)
     return TexturedLayers(
-        opaque=jnp.stack(opaque),
+        opaque=tuple(entry(word, column) for word in cutouts.opaque),
         base=base,
         scale=_stepped(scale, theme.textures.sampling, camera),
         offset=-top * rate - 0.5,
@@ -177,11 +176,17 @@ def paint_over(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> ja
 
 def _layer(layers: TexturedLayers, k: int, below: jax.Array) -> tuple[jax.Array, jax.Array]:
     """bool[height, width], where a layer is; int32[height, width], what it shows there."""
-    texel = whole(layers.scale[k] * below + layers.offset[k])
-    # Bits of another word are past the end of this one, and then not set.
-    words = enumerate(layers.opaque)
-    there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
-    return functools.reduce(jnp.logical_or, there), layers.base[k] + texel.astype(jnp.int32)
+    # The offset is not a constant here. What is out of range becomes a number past all words.
+    texel = rounded(layers.scale[k] * below + layers.offset[k])
+    word, *others = (word[k] for word in layers.opaque)
+    for i, other in enumerate(others, 1):
+        word = jnp.where(texel < np.uint32(i * WORD), word, other)
+    if others:
+        within = texel < np.uint32(len(layers.opaque) * WORD)
+        covers = within & test_bit(word, texel & np.uint32(WORD - 1))
+    else:
+        covers = test_bit(word, texel)
+    return covers, layers.base[k] + texel.astype(jnp.int32)
 
 
 def mix(words: jax.Array, layers: TexturedLayers, camera: Camera, textures: Textures) -> jax.Array:
@@ -241,7 +246,7 @@ def _mixed(
 
 
 def _over(below: jax.Array, layers: TexturedLayers) -> tuple[jax.Array, jax.Array]:
-    """int32[rows, width]: the nearest mixed picture's index; uint32, the bits to cut of a sum."""
+    """uint32[rows, width], twice: the nearest mixed picture's index; the bits to cut of a sum."""
     layers = jax.tree.map(lambda leaf: leaf[..., None, :], layers)
     assert layers.blend is not None
     shape = len(below), layers.base.shape[-1]
@@ -251,7 +256,7 @@ def _over(below: jax.Array, layers: TexturedLayers) -> tuple[jax.Array, jax.Arra
         index = jnp.where(covers, jnp.where(layers.blend[k] == COVER, 0, own), index)
         # Three bits, and four if half the sum is meant.
         cut = jnp.where(covers, 3 + (layers.blend[k] == MEAN).astype(jnp.uint32), cut)
-    return index, cut
+    return index.astype(jnp.uint32), cut
 
 
 def _sums(words: jax.Array, colours: jax.Array, cut: jax.Array) -> jax.Array:
@@ -267,16 +272,25 @@ def stamped(words: jax.Array, held: Held, textures: Textures, camera: Camera) ->
     """uint32[height, width]: colours with pictures over them."""
     assert textures.stamps is not None
     rows, columns = _block(textures.stamps, camera)
-    index = staged(partial(_stamped, textures=textures, camera=camera))(held)
-    colours = fetched(index, textures.atlas)
-    block = jnp.where(index > 0, colours, words[rows, columns])
+    layers = _stamps(held, columns, textures, camera)
+    below = jnp.asarray(camera.at(textures.sampling.thing).row_offsets()[rows])
+    index = staged(_stamped)(below, layers)
+    block = jnp.where(index > 0, fetched(index, textures.atlas), words[rows, columns])
     return words.at[rows, columns].set(block)
 
 
+def _stamped(below: jax.Array, layers: TexturedLayers) -> jax.Array:
+    """uint32[rows, columns]: what pictures show in the block, 0 where there are none."""
+    layers = jax.tree.map(lambda leaf: leaf[..., None, :], layers)
+    nothing = jnp.zeros((len(below), layers.base.shape[-1]), jnp.int32)
+    return paint_over(layers, below[:, None], nothing).astype(jnp.uint32)
+
+
 def fetched(index: jax.Array, atlas: np.ndarray) -> jax.Array:
-    """uint32[height, width]: the texels at int32[height, width]."""
-    # As numbers without a sign, which need no look whether they count from the end.
-    index = index.astype(jnp.uint32)
+    """uint32[height, width]: the texels at uint32[height, width].
+
+    Numbers with a sign would need a look whether they count from the end.
+    """
     return staged(lambda index: jnp.asarray(atlas).at[index].get(mode="promise_in_bounds"))(index)
 
 
@@ -292,11 +306,27 @@ def _block(stamps: Stamps, camera: Camera) -> tuple[slice, slice]:
     return slice(max(0, int(top * along) - 1), min(camera.height, int(bottom * along) + 2)), columns
 
 
-def _stamped(held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
-    """int32[rows, columns]: what pictures show in the block, 0 where there are none."""
+def _stamps(held: Held, columns: slice, textures: Textures, camera: Camera) -> TexturedLayers:
+    """The columns of the pictures over an image."""
     stamps = textures.stamps
     assert stamps is not None
-    rows, columns = _block(stamps, camera)
+    column, base, offset = staged(
+        partial(_stamp_columns, columns=columns, textures=textures, camera=camera)
+    )(held)
+    return TexturedLayers(
+        opaque=tuple(entry(word, column) for word in stamps.opaque),
+        base=base,
+        scale=jnp.full(offset.shape, np.float32(STAMP_HEIGHT / camera.height)),
+        offset=offset,
+    )
+
+
+def _stamp_columns(
+    held: Held, *, columns: slice, textures: Textures, camera: Camera
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """int32[K, columns] twice, as `_texels`; float32[K, 1], `TexturedLayers.offset`."""
+    stamps = textures.stamps
+    assert stamps is not None
     picture, place = held.picture[:, None], held.place[:, :, None]
     screen = textures.sampling.screen or camera.width
     column = np.floor((np.arange(camera.width) + 0.5) * (screen / camera.width))[None, columns]
@@ -309,15 +339,9 @@ def _stamped(held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
     seen = (column >= first) & (column < after) & held.shown[:, None]
     texel = jnp.clip(texel, 0, width - 1)
     none = stamps.opaque.shape[1] - 1
-    entries = jnp.where(seen, entry(stamps.column, picture) + texel, none)
-    opaque = [jnp.asarray(w).at[entries].get(mode="promise_in_bounds") for w in stamps.opaque]
     top = entry(stamps.top, picture).astype(jnp.float32) - place[:, 1]
-    layers = TexturedLayers(
-        opaque=jnp.stack(opaque)[:, :, None],
-        base=(entry(stamps.first, picture) + texel * entry(stamps.height, picture))[:, None],
-        scale=jnp.full(top.shape, np.float32(STAMP_HEIGHT / camera.height))[:, None],
-        offset=(top + (STAMP_HEIGHT / 2 - 0.5))[:, None],
+    return (
+        jnp.where(seen, entry(stamps.column, picture) + texel, none),
+        entry(stamps.first, picture) + texel * entry(stamps.height, picture),
+        top + (STAMP_HEIGHT / 2 - 0.5),
     )
-    below = camera.at(textures.sampling.thing).row_offsets()[rows, None]
-    nothing = jnp.zeros((len(below), layers.base.shape[-1]), jnp.int32)
-    return paint_over(layers, jnp.asarray(below), nothing)
