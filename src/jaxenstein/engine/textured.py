@@ -116,6 +116,9 @@ def prepare(
     looked = staged(lambda row: [entry(t, row) for t in (walls.height, walls.down, walls.first)])
     height, down, first = looked(material)
     above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
+    offset = above * down - 0.5
+    if walls.row is not None:
+        offset = offset + entry(walls.row.astype(np.float32), material)
     half = half_height(seen.edge_depth, camera)
     return TexturedColumns(
         half=half,
@@ -123,7 +126,7 @@ def prepare(
         base=brightened(shade_of(light), glare) * textures.size + first + seen.texel * height,
         last=height - 1,
         scale=seen.depth * down / jnp.float32(camera.row_focal),
-        offset=above * down - 0.5,
+        offset=offset,
         ray=jnp.stack(rays(heading, camera.at(places.plane))),
         layers=None if boards is None else project(boards, hits.depth, theme, camera),
     )

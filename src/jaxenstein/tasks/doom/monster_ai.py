@@ -108,7 +108,7 @@ def act(
     )
     if horde.pictured:
         faces = begins & (horde.at(horde.faces, frame) != 0)
-        monsters = monsters.replace(facing=_turned(monsters, chases, faces, offset))
+        monsters = monsters.replace(facing=turned(monsters, chases, faces, offset))
     after = monsters.replace(
         position=position,
         frame=frame,
@@ -124,7 +124,7 @@ def act(
     return after, begins & (horde.at(horde.acts, frame) >= Act.BITE)
 
 
-def _turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:
+def turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:
     """uint32[N]: the headings after a tic; they only matter to the eye.
 
     Args:
