@@ -15,7 +15,7 @@ from .level import WORD, Array
 from .raycast import rays
 from .scene import Theme
 from .shade import ImageKind, pack_rgb, tone
-from .sprites import Layers, Spots, project
+from .sprites import Boards, Layers, project
 
 # The colour of a panel's shadow plane is the wall's colour times this.
 PANEL_SHADOW = 0.45
@@ -63,7 +63,7 @@ class Panels(PyTreeNode):
 def prepare(
     heading: jax.Array,
     hits: Hits,
-    spots: Spots | None,
+    boards: Boards | None,
     lift: jax.Array | None = None,
     *,
     theme: Theme,
@@ -75,7 +75,7 @@ def prepare(
     Args:
         heading: float32[], radians.
         hits: the walls that the rays hit.
-        spots: the billboards to draw, or None.
+        boards: the billboards to draw, or None.
         lift: `Scene.lift`.
         theme: the colours and pictures.
         camera: size and field of view of the image.
@@ -92,7 +92,7 @@ def prepare(
         wall=tone(kind, pack_rgb(colour, light), hits.wall, hits.depth),
         ray=jnp.stack(rays(heading, camera)),
         panels=_panels(index, hits, half, colour, light, theme, kind),
-        layers=None if spots is None else project(spots, hits.depth, lift, theme, camera, kind),
+        layers=None if boards is None else project(boards, hits.depth, theme, camera),
     )
 
 

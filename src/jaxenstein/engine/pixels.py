@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -25,6 +26,8 @@ CHECKER_FADES = (3.0, 14.0)
 STRIPES_FADE = (1.0, 9.0)
 # Stripes per tile; a floor word covers two tiles.
 STRIPES = WORD // 2
+# Billboards that are so far below the eye, in tiles, are below the horizon in spite of rounding.
+CLEARANCE = 1e-3
 # Adding this to a float32 of magnitude below 2**22 leaves its nearest integer in the low bits.
 _ROUNDER = 1.5 * 2**23
 _ROUNDER_BITS = int(np.float32(_ROUNDER).view(np.uint32))
@@ -52,7 +55,9 @@ def paint(
     columns: ImageColumns, rows: Rows, scene: Scene, camera: Camera, kind: ImageKind
 ) -> jax.Array:
     """Paint an image; see `render.render` for its shape and dtype."""
-    stage = partial(paint_words, rows=rows, theme=scene.theme, camera=camera, kind=kind)
+    reach = scene.theme.sprite_drop - scene.theme.sprite_radius
+    top = first_row(reach, camera, scene.lift)
+    stage = partial(paint_words, rows=rows, top=top, theme=scene.theme, camera=camera, kind=kind)
     # Without extra columns, a single pass paints pixels and unpacks their bytes.
     image = (staged(stage) if camera.extra else stage)(scene.position, columns)
     image = image[:, : camera.width]
@@ -67,18 +72,37 @@ def paint_words(
     columns: ImageColumns,
     *,
     rows: Rows,
+    top: int,
     theme: Theme,
     camera: Camera,
     kind: ImageKind,
 ) -> jax.Array:
-    """paint[height, width + extra]."""
+    """paint[height, width + extra]; billboards from the row `top` on."""
     columns = jax.tree.map(lambda leaf: leaf[..., None, :], columns)
     below = jnp.asarray(camera.row_offsets())[:, None]
     image = _background(columns, rows, below, position, theme, kind)
     # Rows relative to the horizon, or to the walls' middle if that is lower or higher.
     across = below if columns.drop is None else below - columns.drop
     image = jnp.where(jnp.abs(across) < columns.half, _walls(columns, across), image)
-    return image if columns.layers is None else _billboards(columns.layers, below, image)
+    if columns.layers is None:
+        return image
+    return from_row(top, partial(_billboards, columns.layers), below, image)
+
+
+def first_row(reach: Array, camera: Camera, lift: jax.Array | None) -> int:
+    """The first row that billboards can cover, for tiles from the eye down to their upper edges."""
+    low = lift is None and bool((reach > CLEARANCE).all())
+    return int((camera.row_offsets() <= 0).sum()) if low else 0
+
+
+def from_row(top: int, paint: Callable[..., jax.Array], below: jax.Array, image: jax.Array) -> Any:
+    """The image with `paint(below, image)` in its rows from `top` on.
+
+    On CPUs a loop over the rows above and one over the others, without a copy.
+    """
+    if not top:
+        return paint(below, image)
+    return jnp.concatenate([image[:top], paint(below[top:], image[top:])])
 
 
 def whole(value_less_half: jax.Array) -> jax.Array:
@@ -92,7 +116,10 @@ def whole(value_less_half: jax.Array) -> jax.Array:
 
 
 def rounded(value: jax.Array) -> jax.Array:
-    """uint32: the nearest integer of a value of magnitude below 2**22, modulo 2**32."""
+    """uint32: the nearest integer of a value of magnitude below 2**22, modulo 2**32.
+
+    Other values, infinities and NaN give numbers from 2**22 to 2**32 - 2**22.
+    """
     bits = lax.bitcast_convert_type(value + jnp.float32(_ROUNDER), jnp.uint32)
     return bits - jnp.uint32(_ROUNDER_BITS)
 
@@ -198,9 +225,9 @@ def _walls(columns: ImageColumns, across: jax.Array) -> jax.Array:
 def _billboards(layers: Layers, below: jax.Array, image: jax.Array) -> jax.Array:
     """The image with the billboards painted over it, farthest first."""
     for k in reversed(range(layers.scale.shape[0])):
-        bit = whole(layers.scale[k] * below + layers.offset[k])
-        own = jnp.where(
-            test_bit(layers.detail[k], bit), layers.detail_paint[k], layers.shape_paint[k]
-        )
-        image = jnp.where(test_bit(layers.shape[k], bit), own, image)
+        # Neither factor is a constant here. What is out of range becomes a number past the word.
+        bit = rounded(layers.scale[k] * below + layers.offset[k])
+        image = jnp.where(test_bit(layers.shape[k], bit), layers.shape_paint[k], image)
+        # No detail is outside the shape.
+        image = jnp.where(test_bit(layers.detail[k], bit), layers.detail_paint[k], image)
     return image

@@ -22,14 +22,14 @@ from jax import lax
 
 from .._jax.batching import by_most, by_own
 from .._jax.staging import staged
-from . import textured
+from . import textured, textured_sprites
 from .camera import Camera
 from .image_columns import prepare
 from .pixels import paint, paint_rows
 from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
-from .sprites import Spots, choose, layers_seen, nearest, pick, project, see
+from .sprites import BLOCK, by_depth, dress, layers_seen, nearest, pick, project, see
 from .textured_walls import of_walls
 from .textures import Sampling
 
@@ -72,15 +72,21 @@ class _Way(NamedTuple):
     """How columns, billboards, rows and pixels are computed."""
 
     prepare: Callable[..., Any]
+    dress: Callable[..., Any]
     project: Callable[..., Any]
     rows: Callable[..., Any]
     paint: Callable[..., Any]
     textured: bool
 
 
-_COLOURED = _Way(prepare, project, paint_rows, paint, textured=False)
+_COLOURED = _Way(prepare, dress, project, paint_rows, paint, textured=False)
 _TEXTURED = _Way(
-    textured.prepare, textured.project, textured.paint_rows, textured.paint, textured=True
+    textured.prepare,
+    textured_sprites.dress,
+    textured_sprites.project,
+    textured.paint_rows,
+    textured.paint,
+    textured=True,
 )
 
 
@@ -95,25 +101,30 @@ def _draw(
     eye = (scene.lift, scene.glare) if way.textured else (scene.lift,)
     rows = way.rows(scene.theme, camera, kind, *eye)
     count = scene.sprites.picture.shape[0]
-    if count <= layers or layers <= FEW:
-        spots = choose(*pose, scene.sprites, scene.theme, things, layers) if count else None
-        columns = staged(stage)(scene.heading, hits, spots, *eye)
+    dress = partial(way.dress, theme=scene.theme, camera=camera, kind=kind)
+    spots = see(*pose, scene.sprites, scene.theme) if count else None
+    if spots is None or count <= layers:
+        boards = None if spots is None else dress(by_depth(spots, scene.theme), *eye)
+        columns = staged(stage)(scene.heading, hits, boards, *eye)
         return way.paint(columns, rows, scene, camera, kind)
-    spots = see(*pose, scene.sprites, scene.theme)
+    # What is known of each billboard, and what of those that a column sees.
+    few, dressed = count <= BLOCK, staged(dress)
+    known = dressed(spots, *eye) if few else spots
     keys = nearest(spots, scene.theme, things, layers)
+
+    def chosen(known: Any, keys: jax.Array, eye: Any) -> Any:
+        return pick(known, keys) if few else dressed(pick(known, keys), *eye)
+
+    if layers <= FEW:
+        columns = staged(stage)(scene.heading, hits, chosen(known, keys, eye), *eye)
+        return way.paint(columns, rows, scene, camera, kind)
     columns = staged(stage)(scene.heading, hits, None, *eye)
-    over = staged(partial(way.project, theme=scene.theme, camera=camera, kind=kind))
+    over = staged(partial(way.project, theme=scene.theme, camera=camera))
     seen = layers_seen(keys, hits.depth, count)
 
     def with_layers(most: int) -> Callable[..., jax.Array]:
-        def draw(
-            columns: Any,
-            depth: jax.Array,
-            eye: tuple[jax.Array | None, ...],
-            spots: Spots,
-            keys: jax.Array,
-        ) -> Any:
-            shown = over(pick(spots, keys[:most]), depth, *eye)
+        def draw(columns: Any, depth: jax.Array, eye: Any, known: Any, keys: jax.Array) -> Any:
+            shown = over(chosen(known, keys[:most], eye), depth)
             steps = [
                 partial(_paint_layers, k, rows=rows, scene=scene, camera=camera, kind=kind, way=way)
                 for k in range(most + 1)
@@ -127,7 +138,7 @@ def _draw(
     # If no member of the batch sees more than a few layers, the others are not looked up.
     more = (seen > FEW).astype(jnp.int32)
     steps = [with_layers(most) for most in (FEW, layers)]
-    return by_most(steps)(more, columns, hits.depth, eye, spots, keys)
+    return by_most(steps)(more, columns, hits.depth, eye, known, keys)
 
 
 def _paint_layers(

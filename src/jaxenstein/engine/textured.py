@@ -19,12 +19,20 @@ from .camera import Camera
 from .hits import Hits
 from .image_columns import drop_of, half_height
 from .level import Array
-from .pixels import rounded, whole
+from .pixels import first_row, from_row, rounded, whole
 from .raycast import rays
 from .scene import Scene, Theme
 from .shade import ImageKind, luma
-from .sprites import Spots
-from .textured_sprites import TexturedLayers, brightened, fetched, mix, paint_over, project, stamped
+from .textured_sprites import (
+    TexturedBoards,
+    TexturedLayers,
+    brightened,
+    fetched,
+    mix,
+    paint_over,
+    project,
+)
+from .textured_stamps import stamped
 from .textured_walls import see_walls
 from .textures import Sampling, Textures, entry, shade_of
 
@@ -85,7 +93,7 @@ def sized(theme: Theme) -> Theme:
 def prepare(
     heading: jax.Array,
     hits: Hits,
-    spots: Spots | None,
+    boards: TexturedBoards | None,
     lift: jax.Array | None = None,
     glare: jax.Array | None = None,
     *,
@@ -104,8 +112,9 @@ def prepare(
     camera = camera.at(places.wall)
     # Pictures have their own seams, so use the light of the middle of a tile.
     light = theme.light.wall(seen.lit_depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
-    height = entry(walls.height, material)
-    down = entry(walls.down, material)
+    # A stage, or some compilers fuse the light with the lookups, whose loop is scalar.
+    looked = staged(lambda row: [entry(t, row) for t in (walls.height, walls.down, walls.first)])
+    height, down, first = looked(material)
     above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
     offset = above * down - 0.5
     if walls.row is not None:
@@ -114,16 +123,12 @@ def prepare(
     return TexturedColumns(
         half=half,
         drop=drop_of(half, lift, camera),
-        base=brightened(shade_of(light), glare) * textures.size
-        + entry(walls.first, material)
-        + seen.texel * height,
+        base=brightened(shade_of(light), glare) * textures.size + first + seen.texel * height,
         last=height - 1,
         scale=seen.depth * down / jnp.float32(camera.row_focal),
         offset=offset,
         ray=jnp.stack(rays(heading, camera.at(places.plane))),
-        layers=None
-        if spots is None
-        else project(spots, hits.depth, lift, glare, theme, camera, kind),
+        layers=None if boards is None else project(boards, hits.depth, theme, camera),
     )
 
 
@@ -168,13 +173,14 @@ def _plane(camera: Camera) -> np.ndarray:
 def paint(
     columns: TexturedColumns, rows: TexturedRows, scene: Scene, camera: Camera, kind: ImageKind
 ) -> jax.Array:
-    """int32[height, width + extra]: the index in the atlas of each pixel.
+    """uint32[height, width + extra]: the index in the atlas of each pixel.
 
-    If some pictures are mixed with what is behind them, uint32[height, width + extra], its colour.
+    If some pictures are mixed with what is behind them, its colour.
     """
     del kind
     textures = textures_of(scene.theme)
-    stage = partial(_indices, rows=rows, theme=scene.theme, camera=camera)
+    top = first_row(textures.cutouts.top, camera.at(textures.sampling.thing), scene.lift)
+    stage = partial(_indices, rows=rows, top=top, theme=scene.theme, camera=camera)
     index = staged(stage)(scene.position, columns)
     if textures.blends is None:
         return index
@@ -189,6 +195,7 @@ def _indices(
     columns: TexturedColumns,
     *,
     rows: TexturedRows,
+    top: int,
     theme: Theme,
     camera: Camera,
 ) -> jax.Array:
@@ -199,9 +206,10 @@ def _indices(
     across = below if columns.drop is None else below - columns.drop
     texel = rounded(below * columns.scale + columns.offset).astype(jnp.int32) & columns.last
     image = jnp.where(jnp.abs(across) < columns.half, columns.base + texel, image)
-    if columns.layers is None:
-        return image
-    return paint_over(columns.layers, _below(camera.at(textures.sampling.thing)), image)
+    if columns.layers is not None:
+        below = _below(camera.at(textures.sampling.thing))
+        image = from_row(top, partial(paint_over, columns.layers), below, image)
+    return image.astype(jnp.uint32)
 
 
 def _below(camera: Camera) -> jax.Array:
@@ -232,13 +240,20 @@ def colours(image: jax.Array, scene: Scene, camera: Camera, kind: ImageKind) -> 
     """uint8[height, width, 3] or, of greys, uint8[height, width]: the image from `paint`."""
     textures = textures_of(scene.theme)
     samples = textures.sampling.samples
-    words = image
-    if textures.blends is None:
-        words = fetched(image, textures.atlas)
-    if scene.held is not None and textures.stamps is not None:
-        view = camera.halved() if samples == 2 else camera
-        words = stamped(words, scene.held, textures, view)
-    words = words[:, : samples * camera.width]
+    words = fetched(image, textures.atlas) if textures.blends is None else image
+
+    def finish(words: jax.Array) -> jax.Array:
+        return _finished(words[:, : samples * camera.width], samples, kind)
+
+    if scene.held is None or textures.stamps is None:
+        return finish(words)
+    view = camera.halved() if samples == 2 else camera
+    # A stage, so that only the pictures' part of the image is written twice.
+    return staged(finish)(stamped(words, scene.held, textures, view))
+
+
+def _finished(words: jax.Array, samples: int, kind: ImageKind) -> jax.Array:
+    """Pixels from colours of packed words."""
     if samples == 2:
         left, right = words[:, 0::2], words[:, 1::2]
         # The mean of each channel. The mask keeps the lowest bit of a channel out of the next one.

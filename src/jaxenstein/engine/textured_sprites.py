@@ -1,7 +1,7 @@
-"""Billboards with textures, and pictures that lie over the image.
+"""Billboards with textures.
 
-Both are layers of columns. Pictures that are added to what is behind them, or averaged with it, are
-drawn after the others, into the colours of the few rows in which they are.
+Pictures that are added to what is behind them, or averaged with it, are drawn after the others,
+into the colours of the few rows in which they are.
 """
 
 from __future__ import annotations
@@ -19,16 +19,38 @@ from .._jax.staging import repeat, staged
 from ..pytree import PyTreeNode
 from .camera import Camera
 from .level import WORD
-from .pixels import test_bit, whole
-from .scene import Held, Theme
+from .pixels import rounded, test_bit
+from .scene import Theme
 from .shade import ImageKind
-from .sprites import Spots
-from .textures import COVER, MEAN, Cutouts, Sampling, Stamps, Textures, entry, shade_of
+from .sprites import Spots, is_before
+from .textures import COVER, MEAN, Cutouts, Sampling, Textures, entry, shade_of
 
 # Into how many bands of rows an image is cut in which mixed pictures are drawn.
 BANDS = 8
-# The screen on which places of `Stamps` are.
-STAMP_WIDTH, STAMP_HEIGHT = 320, 200
+
+
+class TexturedBoards(PyTreeNode):
+    """What the columns of a billboard share, in any common shape.
+
+    Attributes:
+        depth: float32, in tiles; 0 if the billboard is not drawn.
+        across: what tells the column of the picture, from `_across`.
+        mirrored: bool, whether its columns run from right to left, or None if none do.
+        column: int32, the first column of the picture in `Cutouts.opaque`.
+        first: int32, its first texel in the atlas.
+        height: int32, of the picture in texels.
+        scale, offset, blend: as those of `TexturedLayers`.
+    """
+
+    depth: jax.Array
+    across: tuple[jax.Array, ...]
+    mirrored: jax.Array | None
+    column: jax.Array
+    first: jax.Array
+    height: jax.Array
+    scale: jax.Array
+    offset: jax.Array
+    blend: jax.Array | None
 
 
 class TexturedLayers(PyTreeNode):
@@ -37,7 +59,7 @@ class TexturedLayers(PyTreeNode):
     A pixel `y` rows below the horizon shows texel `round(scale * y + offset)`.
 
     Attributes:
-        opaque: uint32[words, K, W], bits of the opaque texels; 0 where there is no billboard.
+        opaque: words of uint32[K, W], bits of the opaque texels; 0 where there is no billboard.
         base: int32[K, W], index of the topmost texel.
         scale: float32[K, W or 1], texels a pixel.
         offset: float32[K, W or 1], less one half.
@@ -45,7 +67,7 @@ class TexturedLayers(PyTreeNode):
         height: int32[K, W or 1], of the pictures in texels; likewise.
     """
 
-    opaque: jax.Array
+    opaque: tuple[jax.Array, ...]
     base: jax.Array
     scale: jax.Array
     offset: jax.Array
@@ -53,36 +75,55 @@ class TexturedLayers(PyTreeNode):
     height: jax.Array | None = None
 
 
-def project(
+def dress(
     spots: Spots,
-    wall_depth: jax.Array,
     lift: jax.Array | None,
     glare: jax.Array | None,
+    *,
     theme: Theme,
     camera: Camera,
     kind: ImageKind,
+) -> TexturedBoards:
+    """What the columns of each billboard share; as `sprites.dress`, with `Scene.glare`."""
+    del kind
+    textures = theme.textures
+    assert textures is not None
+    cutouts, depth = textures.cutouts, spots.depth(theme)
+    camera = camera.at(textures.sampling.thing)
+    of = partial(entry, index=spots.picture)
+    rate = of((cutouts.height / (cutouts.bottom - cutouts.top)).astype(np.float32))
+    top = of(cutouts.top)
+    top = top if lift is None else top + lift
+    shade = brightened(shade_of(theme.light.plain(depth)), glare)
+    shade = jnp.where(of(cutouts.bright), 0, shade)
+    return TexturedBoards(
+        depth=depth,
+        across=_across(spots, cutouts, textures.sampling, camera),
+        mirrored=None if cutouts.mirrored is None else of(cutouts.mirrored),
+        column=of(cutouts.column),
+        first=shade * textures.size + of(cutouts.first),
+        height=of(cutouts.height),
+        scale=_stepped(depth * rate / jnp.float32(camera.row_focal), textures.sampling, camera),
+        offset=-top * rate - 0.5,
+        blend=None if cutouts.blend is None else of(cutouts.blend),
+    )
+
+
+def project(
+    boards: TexturedBoards, wall_depth: jax.Array, theme: Theme, camera: Camera
 ) -> TexturedLayers:
     """What the chosen billboards show in each column; as `sprites.project`."""
-    del kind
     assert theme.textures is not None
-    cutouts = theme.textures.cutouts
-    camera = camera.at(theme.textures.sampling.thing)
     # Apart, or some compilers fuse it with the fetching, whose loop is scalar.
-    texels = staged(partial(_texels, theme=theme, camera=camera))
-    column, base = texels(spots, wall_depth, glare)
-    opaque = [jnp.asarray(w).at[column].get(mode="promise_in_bounds") for w in cutouts.opaque]
-    rate = cutouts.height / (cutouts.bottom - cutouts.top)
-    rate = entry(rate.astype(np.float32), spots.picture)
-    top = entry(cutouts.top, spots.picture)
-    top = top if lift is None else top + lift
-    scale = spots.depth(theme) * rate / jnp.float32(camera.row_focal)
+    texels = staged(partial(_texels, textures=theme.textures, camera=camera))
+    column, base = texels(boards, wall_depth)
     return TexturedLayers(
-        opaque=jnp.stack(opaque),
+        opaque=tuple(entry(word, column) for word in theme.textures.cutouts.opaque),
         base=base,
-        scale=_stepped(scale, theme.textures.sampling, camera),
-        offset=-top * rate - 0.5,
-        blend=None if cutouts.blend is None else entry(cutouts.blend, spots.picture),
-        height=None if cutouts.blend is None else entry(cutouts.height, spots.picture),
+        scale=boards.scale,
+        offset=boards.offset,
+        blend=boards.blend,
+        height=None if boards.blend is None else boards.height,
     )
 
 
@@ -99,26 +140,14 @@ def _stepped(scale: jax.Array, sampling: Sampling, camera: Camera) -> jax.Array:
 
 
 def _texels(
-    spots: Spots,
-    wall_depth: jax.Array,
-    glare: jax.Array | None,
-    *,
-    theme: Theme,
-    camera: Camera,
+    boards: TexturedBoards, wall_depth: jax.Array, *, textures: Textures, camera: Camera
 ) -> tuple[jax.Array, jax.Array]:
     """int32[K, W] twice: the column of `Cutouts.opaque` and its topmost texel in the atlas."""
-    textures = theme.textures
-    assert textures is not None
-    cutouts, depth = textures.cutouts, spots.depth(theme)
-    width = entry(cutouts.width, spots.picture)
-    texel, seen = _columns_seen(spots, width, cutouts, textures.sampling, camera)
-    seen = seen & (depth < wall_depth[None])
-    none = cutouts.opaque.shape[1] - 1
-    column = jnp.where(seen, entry(cutouts.column, spots.picture) + texel, none)
-    shade = brightened(shade_of(theme.light.plain(depth)), glare)
-    shade = jnp.where(entry(cutouts.bright, spots.picture), 0, shade)
-    first = shade * textures.size + entry(cutouts.first, spots.picture)
-    return column, first + texel * entry(cutouts.height, spots.picture)
+    texel, seen = _columns_seen(boards, textures.sampling, camera)
+    seen = seen & is_before(boards.depth, wall_depth)
+    none = textures.cutouts.opaque.shape[1] - 1
+    column = jnp.where(seen, boards.column + texel, none)
+    return column, boards.first + texel * boards.height
 
 
 def brightened(shade: Any, glare: jax.Array | None) -> Any:
@@ -126,20 +155,24 @@ def brightened(shade: Any, glare: jax.Array | None) -> Any:
     return shade if glare is None else jnp.maximum(shade - glare, 0)
 
 
-def _columns_seen(
-    spots: Spots, width: jax.Array, cutouts: Cutouts, sampling: Sampling, camera: Camera
-) -> tuple[jax.Array, jax.Array]:
-    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
-    slopes = camera.column_slopes()
+def _across(
+    spots: Spots, cutouts: Cutouts, sampling: Sampling, camera: Camera
+) -> tuple[jax.Array, ...]:
+    """What tells which column of a billboard's picture a column of the image sees.
+
+    Returns:
+        `Spots.stretch`, `Spots.start` and the width of the picture. On screens of whole columns,
+        int32: the screen's first column, the one after the last, 65536ths of a column of the
+        picture for each of them, and how many columns the picture has.
+    """
+    of = partial(entry, index=spots.picture)
+    width = of(cutouts.width)
     if not sampling.screen:
-        across = spots.stretch * jnp.asarray(slopes)[None] + spots.start
-        texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
-        return jnp.clip(texel, 0, width - 1), (across >= 0) & (across < WORD)
-    share = sampling.screen / camera.width
-    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.int32)[None]
+        return spots.stretch, spots.start, width
     left, right = jnp.zeros_like(width), width
     if cutouts.left is not None and cutouts.right is not None:
-        left, right = (entry(side, spots.picture) for side in (cutouts.left, cutouts.right))
+        left, right = of(cutouts.left), of(cutouts.right)
+    share = sampling.screen / camera.width
     unit = jnp.float32(camera.focal * share) / jnp.maximum(spots.stretch, jnp.float32(1e-6))
     first, after = (
         jnp.floor(
@@ -151,12 +184,26 @@ def _columns_seen(
     # Such screens step through a picture by 65536ths of a column, rounded down. Floats give the
     # same whole number as long as a picture has fewer than 512 columns.
     step = (right - left).astype(jnp.float32) * 65536 / jnp.maximum(after - first, 1)
-    first, after = first.astype(jnp.int32), after.astype(jnp.int32)
-    texel = jnp.clip((column - first) * step.astype(jnp.int32) >> 16, 0, right - left - 1)
-    if cutouts.mirrored is not None:
-        mirrored = entry(cutouts.mirrored, spots.picture)
-        texel = jnp.where(mirrored, right - left - 1 - texel, texel)
-    return texel, (first <= column) & (after > column) & (spots.stretch > 0)
+    return (*(v.astype(jnp.int32) for v in (first, after, step)), right - left)
+
+
+def _columns_seen(
+    boards: TexturedBoards, sampling: Sampling, camera: Camera
+) -> tuple[jax.Array, jax.Array]:
+    """int32[K, W], the column of each picture that an image column sees; bool[K, W], if it does."""
+    slopes = camera.at(sampling.thing).column_slopes()
+    if not sampling.screen:
+        stretch, start, width = boards.across
+        across = stretch * jnp.asarray(slopes)[None] + start
+        texel = (across * (width.astype(jnp.float32) * (1 / WORD))).astype(jnp.int32)
+        return jnp.clip(texel, 0, width - 1), (across >= 0) & (across < WORD)
+    share = sampling.screen / camera.width
+    column = np.floor((np.arange(slopes.size) + 0.5) * share).astype(np.int32)[None]
+    first, after, step, count = boards.across
+    texel = jnp.clip((column - first) * step >> 16, 0, count - 1)
+    if boards.mirrored is not None:
+        texel = jnp.where(boards.mirrored, count - 1 - texel, texel)
+    return texel, (first <= column) & (after > column)
 
 
 def paint_over(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
@@ -177,11 +224,17 @@ def paint_over(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> ja
 
 def _layer(layers: TexturedLayers, k: int, below: jax.Array) -> tuple[jax.Array, jax.Array]:
     """bool[height, width], where a layer is; int32[height, width], what it shows there."""
-    texel = whole(layers.scale[k] * below + layers.offset[k])
-    # Bits of another word are past the end of this one, and then not set.
-    words = enumerate(layers.opaque)
-    there = [test_bit(word[k], texel - np.uint32(i * WORD)) for i, word in words]
-    return functools.reduce(jnp.logical_or, there), layers.base[k] + texel.astype(jnp.int32)
+    # The offset is not a constant here. What is out of range becomes a number past all words.
+    texel = rounded(layers.scale[k] * below + layers.offset[k])
+    word, *others = (word[k] for word in layers.opaque)
+    for i, other in enumerate(others, 1):
+        word = jnp.where(texel < np.uint32(i * WORD), word, other)
+    if others:
+        within = texel < np.uint32(len(layers.opaque) * WORD)
+        covers = within & test_bit(word, texel & np.uint32(WORD - 1))
+    else:
+        covers = test_bit(word, texel)
+    return covers, layers.base[k] + texel.astype(jnp.int32)
 
 
 def mix(words: jax.Array, layers: TexturedLayers, camera: Camera, textures: Textures) -> jax.Array:
@@ -241,7 +294,7 @@ def _mixed(
 
 
 def _over(below: jax.Array, layers: TexturedLayers) -> tuple[jax.Array, jax.Array]:
-    """int32[rows, width]: the nearest mixed picture's index; uint32, the bits to cut of a sum."""
+    """uint32[rows, width], twice: the nearest mixed picture's index; the bits to cut of a sum."""
     layers = jax.tree.map(lambda leaf: leaf[..., None, :], layers)
     assert layers.blend is not None
     shape = len(below), layers.base.shape[-1]
@@ -251,7 +304,7 @@ def _over(below: jax.Array, layers: TexturedLayers) -> tuple[jax.Array, jax.Arra
         index = jnp.where(covers, jnp.where(layers.blend[k] == COVER, 0, own), index)
         # Three bits, and four if half the sum is meant.
         cut = jnp.where(covers, 3 + (layers.blend[k] == MEAN).astype(jnp.uint32), cut)
-    return index, cut
+    return index.astype(jnp.uint32), cut
 
 
 def _sums(words: jax.Array, colours: jax.Array, cut: jax.Array) -> jax.Array:
@@ -263,61 +316,9 @@ def _sums(words: jax.Array, colours: jax.Array, cut: jax.Array) -> jax.Array:
     return mixed
 
 
-def stamped(words: jax.Array, held: Held, textures: Textures, camera: Camera) -> jax.Array:
-    """uint32[height, width]: colours with pictures over them."""
-    assert textures.stamps is not None
-    rows, columns = _block(textures.stamps, camera)
-    index = staged(partial(_stamped, textures=textures, camera=camera))(held)
-    colours = fetched(index, textures.atlas)
-    block = jnp.where(index > 0, colours, words[rows, columns])
-    return words.at[rows, columns].set(block)
-
-
 def fetched(index: jax.Array, atlas: np.ndarray) -> jax.Array:
-    """uint32[height, width]: the texels at int32[height, width]."""
-    # As numbers without a sign, which need no look whether they count from the end.
-    index = index.astype(jnp.uint32)
+    """uint32[height, width]: the texels at uint32[height, width].
+
+    Numbers with a sign would need a look whether they count from the end.
+    """
     return staged(lambda index: jnp.asarray(atlas).at[index].get(mode="promise_in_bounds"))(index)
-
-
-def _block(stamps: Stamps, camera: Camera) -> tuple[slice, slice]:
-    """The rows and columns of an image that stamps may cover."""
-    aside, least, most = stamps.sway
-    left = int((-stamps.left).min()) - aside
-    right = int((stamps.width - stamps.left).max()) + aside
-    top = int((-stamps.top).min()) + least
-    bottom = int((stamps.height - stamps.top).max()) + most
-    across, along = camera.width / STAMP_WIDTH, camera.height / STAMP_HEIGHT
-    columns = slice(max(0, int(left * across) - 1), min(camera.width, int(right * across) + 2))
-    return slice(max(0, int(top * along) - 1), min(camera.height, int(bottom * along) + 2)), columns
-
-
-def _stamped(held: Held, *, textures: Textures, camera: Camera) -> jax.Array:
-    """int32[rows, columns]: what pictures show in the block, 0 where there are none."""
-    stamps = textures.stamps
-    assert stamps is not None
-    rows, columns = _block(stamps, camera)
-    picture, place = held.picture[:, None], held.place[:, :, None]
-    screen = textures.sampling.screen or camera.width
-    column = np.floor((np.arange(camera.width) + 0.5) * (screen / camera.width))[None, columns]
-    scale, middle = np.float32(screen / STAMP_WIDTH), np.float32(screen / 2)
-    side = place[:, 0] - entry(stamps.left, picture).astype(jnp.float32) - STAMP_WIDTH // 2
-    width = entry(stamps.width, picture)
-    first = jnp.floor(middle + side * scale)
-    after = jnp.floor(middle + (side + width.astype(jnp.float32)) * scale)
-    texel = jnp.floor((column.astype(np.float32) - first) / scale).astype(jnp.int32)
-    seen = (column >= first) & (column < after) & held.shown[:, None]
-    texel = jnp.clip(texel, 0, width - 1)
-    none = stamps.opaque.shape[1] - 1
-    entries = jnp.where(seen, entry(stamps.column, picture) + texel, none)
-    opaque = [jnp.asarray(w).at[entries].get(mode="promise_in_bounds") for w in stamps.opaque]
-    top = entry(stamps.top, picture).astype(jnp.float32) - place[:, 1]
-    layers = TexturedLayers(
-        opaque=jnp.stack(opaque)[:, :, None],
-        base=(entry(stamps.first, picture) + texel * entry(stamps.height, picture))[:, None],
-        scale=jnp.full(top.shape, np.float32(STAMP_HEIGHT / camera.height))[:, None],
-        offset=(top + (STAMP_HEIGHT / 2 - 0.5))[:, None],
-    )
-    below = camera.at(textures.sampling.thing).row_offsets()[rows, None]
-    nothing = jnp.zeros((len(below), layers.base.shape[-1]), jnp.int32)
-    return paint_over(layers, jnp.asarray(below), nothing)
