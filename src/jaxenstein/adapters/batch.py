@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.inline import inline_device
 from .._jax.packing import Packing
 from ..drawing import Drawn
 from ..environment import AnyEnvironment, Autoreset
@@ -99,6 +100,7 @@ class Batch:
         *,
         autoreset: Autoreset | None = "same-step",
         spread: bool = True,
+        inline: bool = False,
     ) -> None:
         """Create `num_envs` environments; compiles and renders nothing before `reset`.
 
@@ -111,6 +113,9 @@ class Batch:
             autoreset: `"same-step"`, `"next-step"` or None; see `Environment`.
             spread: whether to spread the environments over several CPU cores, if
                 `jaxenstein.use_cores` made these devices and their number divides N.
+            inline: whether programs run in the calling thread, which is faster for one
+                environment of a caller who waits for each step. Arrays are then on a device of
+                their own.
 
         Raises:
             SettingError: `num_envs`, `autoreset` or `params` is invalid, or the process was forked
@@ -124,6 +129,7 @@ class Batch:
         self._stepped = stepped if autoreset == "next-step" else self.env
         self.autoreset = autoreset
         self.num_envs = num_envs
+        self._inline = inline
         self._mesh = batch_calls.mesh_for(num_envs) if spread else None
         # A packed row per environment with its stream and state, and the layouts of rows.
         self._kept: jax.Array | None = None
@@ -154,11 +160,17 @@ class Batch:
         self._numbers = Packing(lambda: with_numbers(one, ranges))
         pack = self._numbers.pack
         self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
+        self._place()
+
+    def _place(self) -> None:
+        """Move the packed params to the device of the programs; copies lose it."""
+        if self._inline and (device := inline_device()) is not None:
+            self._packed_params = jax.device_put(self._packed_params, device)
 
     def _in_place(self, params: Any) -> Any:
         """The params on the device of the environments; uncommitted if these use several."""
         devices = set().union(*(leaf.devices() for leaf in jax.tree.leaves(params)))
-        if self._mesh is None and len(devices) == 1:
+        if self._mesh is None and len(devices) == 1 and not self._inline:
             return params
         return jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)), params)
 
@@ -220,6 +232,7 @@ class Batch:
             )
         if self._kept is None and not chosen.all():
             raise SettingError("the first reset must reset all environments: leave the mask out")
+        self._place()
         keys = self._seeded(seeds_of(seed, self.num_envs), chosen)
         numbers = self._packed_params
         if chosen.all():

@@ -81,7 +81,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         env, params = resolve(env, params, settings)
         params = drawing.single_params(env, params)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
-        self._batch = Batch(env, params, autoreset=None)
+        self._batch = Batch(env, params, autoreset=None, spread=False, inline=True)
         self.env, self.params = self._batch.env, self._batch.params
         self.render_mode = render_mode
         self._interface = interface = interface or Interface(self.env, params)
