@@ -10,6 +10,7 @@ import contextlib
 import functools
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import jax
 
@@ -18,13 +19,14 @@ _THREADS = "NPROC"
 
 
 @functools.cache
-def inline_device() -> jax.Device | None:
-    """A CPU whose programs run in the thread that calls them; None if JAX uses another backend.
+def inline_device() -> Any:
+    """A CPU device whose programs run in the calling thread; None if there cannot be one.
 
     The device belongs to a client of its own, so that no setting of the process changes. Arrays of
-    other devices can be passed to its programs, which copies them.
+    other devices can be passed to its programs, which copies them. There is none where JAX uses
+    another backend or several processes.
     """
-    if jax.default_backend() != "cpu":
+    if jax.default_backend() != "cpu" or jax.process_count() > 1:
         return None
     from jaxlib import xla_client
 

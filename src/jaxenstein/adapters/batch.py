@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import secrets
 from collections.abc import Mapping, Sequence
@@ -158,21 +159,21 @@ class Batch:
         one = tree.unflatten([leaf[0] if m else leaf for leaf, m in zip(leaves, own, strict=True)])
         self._params = params = with_numbers(plain, ranges)
         self._numbers = Packing(lambda: with_numbers(one, ranges))
-        pack = self._numbers.pack
-        self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
-        self._place()
+        pack = functools.partial(batch_calls.packed, self._numbers)
+        packed = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
+        self._packed_params = self._placed(packed)
 
-    def _place(self) -> None:
-        """Move the packed params to the device of the programs; copies lose it."""
-        if self._inline and (device := inline_device()) is not None:
-            self._packed_params = jax.device_put(self._packed_params, device)
+    def _placed(self, array: jax.Array) -> jax.Array:
+        """An array on the device of the programs."""
+        device = inline_device() if self._inline else None
+        return array if device is None else jax.device_put(array, device)
 
     def _in_place(self, params: Any) -> Any:
         """The params on the device of the environments; uncommitted if these use several."""
         devices = set().union(*(leaf.devices() for leaf in jax.tree.leaves(params)))
         if self._mesh is None and len(devices) == 1 and not self._inline:
             return params
-        return jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)), params)
+        return jax.tree.map(lambda leaf: jax.device_put(np.asarray(leaf)), params)
 
     @property
     def begun(self) -> bool:
@@ -195,7 +196,7 @@ class Batch:
     def _streams(self) -> tuple[jax.Array, Drawn]:
         """The keys, and the states with the numbers that their episodes drew."""
         assert self._kept is not None
-        return jax.vmap(self._layout[0].unpack)(self._kept)
+        return batch_calls.unpacked(self._layout[0], self._kept)
 
     @property
     def _layout(self) -> tuple[Packing, Packing]:
@@ -232,9 +233,9 @@ class Batch:
             )
         if self._kept is None and not chosen.all():
             raise SettingError("the first reset must reset all environments: leave the mask out")
-        self._place()
-        keys = self._seeded(seeds_of(seed, self.num_envs), chosen)
-        numbers = self._packed_params
+        keys = self._placed(self._seeded(seeds_of(seed, self.num_envs), chosen))
+        # A copy of this object has lost the device.
+        numbers = self._packed_params = self._placed(self._packed_params)
         if chosen.all():
             out = batch_calls.reset(self.env, self._plan, keys, numbers)
         else:

@@ -21,8 +21,26 @@ from ..environment import AnyEnvironment
 def keys_of(seeds: Sequence[int]) -> jax.Array:
     """A random key for each seed; seeds beyond 32 bits are folded in without loss."""
     words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
-    low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
+    return _keys_of(*(np.array(part, np.uint32) for part in zip(*words, strict=True)))
+
+
+# Compiled whole, as are the functions for layouts below: a call of its own for each of their
+# operations takes longer to compile.
+@jax.jit
+def _keys_of(low: jax.Array, high: jax.Array) -> jax.Array:
     return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def packed(layout: Packing, tree: Any) -> jax.Array:
+    """uint32[words]: a tree, packed."""
+    return layout.pack(tree)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def unpacked(layout: Packing, rows: jax.Array) -> Any:
+    """The trees of uint32[N, words], with a leading axis N."""
+    return jax.vmap(layout.unpack)(rows)
 
 
 def mesh_for(num_envs: int) -> Mesh | None:
