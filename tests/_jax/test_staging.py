@@ -120,14 +120,15 @@ def test_batch_of_one_with_special_floats() -> None:
         np.testing.assert_array_equal(out[1], np.ones((1, 3)))
 
 
-@pytest.mark.parametrize("still", ["varies", "constant", "unbatched", "constant scalar"])
+@pytest.mark.parametrize("still", ["varies", "constant", "unbatched", "constant scalar", "empty"])
 def test_nothing_is_fused_through_a_stage(still: str) -> None:
     """Whatever its first argument is, a stage for columns is not computed again for each pixel.
 
     The compiler fuses through all but a conditional, and a stage is one. Without it the cosine
     of a column would stand beside the sum of its pixel in one fusion.
     """
-    columns = staged(lambda heading, depth: jnp.cos(depth) + heading)
+    closed_over = jnp.zeros(0 if still == "empty" else 1, jnp.float32)
+    columns = staged(lambda heading, depth: jnp.cos(depth) + heading + closed_over.sum())
 
     def draw(heading: jax.Array, depth: jax.Array) -> jax.Array:
         rows = jnp.arange(16, dtype=jnp.float32)

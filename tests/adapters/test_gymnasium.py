@@ -10,6 +10,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
@@ -137,6 +138,18 @@ def test_returned_values_have_gymnasium_types(env: Any) -> None:
     assert type(told["reached_goal"]) is bool
     assert (type(told["heading"]), type(told["cell"])) == (np.float32, np.ndarray)
     assert told.keys() > info.keys()
+
+
+def test_params_may_be_committed_to_a_device(made: Any) -> None:
+    """The adapter's programs run on a device of their own."""
+    env, params = made
+    limited = jax.device_put(params.replace(max_steps_in_episode=2), jax.devices()[0])
+    alone = adapter.GymnasiumEnv(env, limited)
+    assert alone.params.max_steps_in_episode.devices() == {jax.devices()[0]}
+    for _ in range(2):
+        alone.reset(seed=3)
+        assert [alone.step(0)[3] for _ in range(2)] == [False, True]
+    assert alone._batch.drawn_params.max_steps_in_episode == 2
 
 
 def test_first_reset_without_seed_uses_gymnasium_generator(made: Any) -> None:

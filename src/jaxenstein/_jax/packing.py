@@ -57,9 +57,8 @@ class Packing:
         )
         self.words = ends[-1]
         self._record = _record(self._leaves, self.words)
-        # The character of the dtype of each scalar of one word, or "".
-        self._chars = [leaf.dtype.char if _is_word(leaf) else "" for leaf in self._leaves]
-        self._views = tuple({*self._chars} - {""})
+        self._quick = [_quick(leaf) for leaf in self._leaves]
+        self._views = tuple({char for char, *_ in self._quick} - {""})
         self._hash = hash((self._tree, self._leaves))
 
     def __eq__(self, other: object) -> bool:
@@ -96,11 +95,11 @@ class Packing:
         Bools are Python's, other scalars numpy's, and arrays are new. This calls fewer functions of
         numpy than `read`, each of which takes long to start.
         """
-        words = np.asarray(rows)[0]
-        views = {char: words.view(char) for char in self._views}
+        words = np.asarray(rows)[0].copy()
+        numbers, views = words.tolist(), {char: words.view(char) for char in self._views}
         values = [
-            views[char][leaf.first] if char else _read_one(words, leaf)
-            for char, leaf in zip(self._chars, self._leaves, strict=True)
+            views[char][place] if char else numbers[place] != 0 if known else _read_one(words, leaf)
+            for char, place, known, leaf in self._quick
         ]
         return jax.tree.unflatten(self._tree, values)
 
@@ -157,15 +156,16 @@ def _record(leaves: Sequence[_Leaf], words: int) -> np.dtype[Any]:
     )
 
 
-def _is_word(leaf: _Leaf) -> bool:
-    """Whether an array is a scalar of the size of a word."""
-    return leaf.shape == () and leaf.dtype.itemsize == _WORD.itemsize
+def _quick(leaf: _Leaf) -> tuple[str, int | slice, bool, _Leaf]:
+    """How `read_one` reads an array: a view or "", the index in it, and whether it is one bool."""
+    vector, flag = len(leaf.shape) == 1, leaf.shape == () and leaf.dtype == np.bool_
+    word = len(leaf.shape) < 2 and leaf.dtype.itemsize == _WORD.itemsize
+    place = slice(leaf.first, leaf.end) if vector else leaf.first
+    return leaf.dtype.char if word else "", place, flag, leaf
 
 
 def _read_one(words: np.ndarray, leaf: _Leaf) -> Any:
-    """An array of a row uint32[words], or a scalar."""
-    if leaf.shape == () and leaf.dtype == np.bool_:
-        return bool(words[leaf.first])
+    """An array of a row uint32[words], or a scalar, that is neither a bool nor made of words."""
     array = np.array(words[leaf.first : leaf.end]).view(_kind_in_row(leaf)).reshape(leaf.shape)
     return _read(array, leaf.dtype)[()]
 

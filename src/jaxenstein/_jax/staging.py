@@ -120,8 +120,8 @@ def _behind_barrier(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 def _behind_cond(stage: Callable[..., Any]) -> Callable[..., Any]:
     def run(*args: Any) -> Any:
-        leaves = jax.tree.leaves(args)
-        if not all(leaf.size for leaf in leaves):
+        leaves = [leaf for leaf in jax.tree.leaves(args) if leaf.size]
+        if not leaves:
             return stage(*args)  # an empty batch
         # A value from every argument: from constants alone, the compiler could compute the
         # predicate, for example from the pose of a player who always starts at one place.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import secrets
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._jax.inline import inline_device
 from .._jax.packing import Packing
 from ..drawing import Drawn
 from ..environment import AnyEnvironment, Autoreset
@@ -99,6 +101,7 @@ class Batch:
         *,
         autoreset: Autoreset | None = "same-step",
         spread: bool = True,
+        inline: bool = False,
     ) -> None:
         """Create `num_envs` environments; compiles and renders nothing before `reset`.
 
@@ -111,6 +114,9 @@ class Batch:
             autoreset: `"same-step"`, `"next-step"` or None; see `Environment`.
             spread: whether to spread the environments over several CPU cores, if
                 `jaxenstein.use_cores` made these devices and their number divides N.
+            inline: whether programs run in the calling thread, which is faster for one
+                environment of a caller who waits for each step. Arrays are then on a device of
+                their own.
 
         Raises:
             SettingError: `num_envs`, `autoreset` or `params` is invalid, or the process was forked
@@ -124,6 +130,7 @@ class Batch:
         self._stepped = stepped if autoreset == "next-step" else self.env
         self.autoreset = autoreset
         self.num_envs = num_envs
+        self._inline = inline
         self._mesh = batch_calls.mesh_for(num_envs) if spread else None
         # A packed row per environment with its stream and state, and the layouts of rows.
         self._kept: jax.Array | None = None
@@ -152,15 +159,21 @@ class Batch:
         one = tree.unflatten([leaf[0] if m else leaf for leaf, m in zip(leaves, own, strict=True)])
         self._params = params = with_numbers(plain, ranges)
         self._numbers = Packing(lambda: with_numbers(one, ranges))
-        pack = self._numbers.pack
-        self._packed_params = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
+        pack = functools.partial(batch_calls.packed, self._numbers)
+        packed = jax.vmap(pack, (axes,))(params) if any(own) else pack(params)
+        self._packed_params = self._placed(packed)
+
+    def _placed(self, array: jax.Array) -> jax.Array:
+        """An array on the device of the programs."""
+        device = inline_device() if self._inline else None
+        return array if device is None else jax.device_put(array, device)
 
     def _in_place(self, params: Any) -> Any:
         """The params on the device of the environments; uncommitted if these use several."""
         devices = set().union(*(leaf.devices() for leaf in jax.tree.leaves(params)))
-        if self._mesh is None and len(devices) == 1:
+        if self._mesh is None and len(devices) == 1 and not self._inline:
             return params
-        return jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)), params)
+        return jax.tree.map(lambda leaf: jax.device_put(np.asarray(leaf)), params)
 
     @property
     def begun(self) -> bool:
@@ -183,7 +196,7 @@ class Batch:
     def _streams(self) -> tuple[jax.Array, Drawn]:
         """The keys, and the states with the numbers that their episodes drew."""
         assert self._kept is not None
-        return jax.vmap(self._layout[0].unpack)(self._kept)
+        return batch_calls.unpacked(self._layout[0], self._kept)
 
     @property
     def _layout(self) -> tuple[Packing, Packing]:
@@ -220,8 +233,9 @@ class Batch:
             )
         if self._kept is None and not chosen.all():
             raise SettingError("the first reset must reset all environments: leave the mask out")
-        keys = self._seeded(seeds_of(seed, self.num_envs), chosen)
-        numbers = self._packed_params
+        keys = self._placed(self._seeded(seeds_of(seed, self.num_envs), chosen))
+        # A copy of this object has lost the device.
+        numbers = self._packed_params = self._placed(self._packed_params)
         if chosen.all():
             out = batch_calls.reset(self.env, self._plan, keys, numbers)
         else:

@@ -14,14 +14,33 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 from .. import drawing
 from .._jax.batching import select
 from .._jax.packing import Packing
+from .._jax.staging import staged
 from ..environment import AnyEnvironment
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
     """A random key for each seed; seeds beyond 32 bits are folded in without loss."""
     words = [(seed & 0xFFFFFFFF, seed >> 32) for seed in seeds]
-    low, high = (jnp.asarray(np.array(part, np.uint32)) for part in zip(*words, strict=True))
+    return _keys_of(*(np.array(part, np.uint32) for part in zip(*words, strict=True)))
+
+
+# Compiled whole, as are the functions for layouts below: a call of its own for each of their
+# operations takes longer to compile.
+@jax.jit
+def _keys_of(low: jax.Array, high: jax.Array) -> jax.Array:
     return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def packed(layout: Packing, tree: Any) -> jax.Array:
+    """uint32[words]: a tree, packed."""
+    return layout.pack(tree)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def unpacked(layout: Packing, rows: jax.Array) -> Any:
+    """The trees of uint32[N, words], with a leading axis N."""
+    return jax.vmap(layout.unpack)(rows)
 
 
 def mesh_for(num_envs: int) -> Mesh | None:
@@ -144,15 +163,24 @@ def step(
     """Step all; with `env.autoreset` "next-step", reset those whose last step ended."""
     mesh, kept, outcome, layout = plan
 
-    def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
+    def rules(
+        rows: jax.Array, actions: jax.Array, numbers: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
         keys, states = jax.vmap(kept.unpack)(rows)
         keys, used = _split(keys)
         # With "next-step", steps and resets use the keys that they have in the other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
         states, _, *rest = _over(drawing.outcome, env, layout, numbers, *used, states, actions)
-        observation = _over(drawing.observe, env, layout, numbers, states)
-        return jax.vmap(kept.pack)((keys, states)), observation, jax.vmap(outcome.pack)(tuple(rest))
+        return jax.vmap(kept.pack)((keys, states)), jax.vmap(outcome.pack)(tuple(rest))
+
+    def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
+        # One environment has many small kernels. As a stage, those of the rules run one after
+        # another instead of through the scheduler, which takes longer than they do.
+        run = staged(rules) if rows.shape[0] == 1 else rules
+        rows, told = run(rows, actions, numbers)
+        states = jax.vmap(kept.unpack)(rows)[1]
+        return rows, _over(drawing.observe, env, layout, numbers, states), told
 
     return _on_each_device(mesh, of_rows, rows, actions, numbers)
 

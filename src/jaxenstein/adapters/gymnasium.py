@@ -81,7 +81,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         env, params = resolve(env, params, settings)
         params = drawing.single_params(env, params)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
-        self._batch = Batch(env, params, autoreset=None)
+        self._batch = Batch(env, params, autoreset=None, spread=False, inline=True)
         self.env, self.params = self._batch.env, self._batch.params
         self.render_mode = render_mode
         self._interface = interface = interface or Interface(self.env, params)
@@ -270,7 +270,9 @@ def checked_actions(actions: Any, count: int, number: int) -> np.ndarray:
             "an action must be one integer" if count == 1 else f"actions must be {count} integers"
         )
         raise gymnasium.error.InvalidAction(f"{what}, not {array.dtype}{list(array.shape)}")
-    if not ((array >= 0) & (array < number)).all():
+    # A comparison of Python's numbers takes far less time than one of arrays.
+    least, most = (array.item(),) * 2 if count == 1 else (array.min(), array.max())
+    if least < 0 or most >= number:
         wrong = array[(array < 0) | (array >= number)][0]
         raise gymnasium.error.InvalidAction(f"an action must be 0 to {number - 1}, not {wrong}")
     return array.astype(np.int32)
@@ -319,6 +321,8 @@ def _batched(action: Any) -> Any:
 
 def _first(tree: Any) -> Any:
     """The only entry of a batch, as new numpy arrays."""
+    if isinstance(tree, jax.Array):
+        return np.asarray(tree)[0].copy()
     return jax.tree.map(lambda leaf: np.array(np.asarray(leaf)[0]), tree)
 
 
