@@ -19,7 +19,7 @@ from jaxenstein.tasks.doom.fixed import ONE, direction, to_fixed
 from jaxenstein.tasks.doom.game_look import game_pictures, sampling
 from jaxenstein.tasks.doom.game_things import Look, Shown, dressed, side_seen
 from jaxenstein.tasks.doom.game_weapon import WEAPON_LOOKS, WeaponLook, held
-from jaxenstein.tasks.doom.monster_ai import _turned
+from jaxenstein.tasks.doom.monster_ai import turned
 from jaxenstein.tasks.doom.view import EYE
 from jaxenstein.tasks.doom.wad import Wad
 from jaxenstein.tasks.doom.weapons import Trigger
@@ -203,9 +203,9 @@ def test_monsters_turn_by_eighths_and_face_their_enemy() -> None:
     offset = jnp.array([[5, 0]] * 4 + [[0, 5]], jnp.int32) * ONE
     walks: Any = Few()
     all_step, none = jnp.ones(5, bool), jnp.zeros(5, bool)
-    found = _turned(walks, all_step, none, offset)
+    found = turned(walks, all_step, none, offset)
     assert found.dtype == jnp.uint32
     np.testing.assert_array_equal(found, np.array([1, 3, 2, 1, 0], np.uint32) << 29)
-    np.testing.assert_array_equal(_turned(walks, none, none, offset), Few.facing)
-    faces = np.asarray(_turned(walks, all_step, all_step, offset)).astype(np.int64)
+    np.testing.assert_array_equal(turned(walks, none, none, offset), Few.facing)
+    faces = np.asarray(turned(walks, all_step, all_step, offset)).astype(np.int64)
     np.testing.assert_allclose(faces, [0, 0, 0, 0, 1 << 30], atol=1 << 12)

@@ -108,7 +108,7 @@ def act(
     )
     if horde.pictured:
         faces = begins & (horde.at(horde.faces, frame) != 0)
-        monsters = monsters.replace(facing=_turned(monsters, chases, faces, offset))
+        monsters = monsters.replace(facing=turned(monsters, chases, faces, offset))
     after = monsters.replace(
         position=position,
         frame=frame,
@@ -124,7 +124,7 @@ def act(
     return after, begins & (horde.at(horde.acts, frame) >= Act.BITE)
 
 
-def _turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:
+def turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:
     """uint32[N]: the headings after a tic; they only matter to the eye.
 
     Args:
@@ -212,6 +212,38 @@ def walk(
     # Few members of a batch choose another direction in the same tic.
     choose = where_few(partial(_another, horde), FEW)
     best = choose(jnp.any(turns), place, monsters.direction, offset, bits)
+    return _stepped(horde, monsters, goes_on, (turns, best), steps_left, bits)
+
+
+def set_off(
+    horde: Horde, monsters: Monsters, player: jax.Array, bits: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """As `walk` for monsters that all take their first step; bits are uint32[N], random."""
+    every, offset = jnp.ones(len(horde), bool), player - monsters.position
+    place = monsters.position, monsters.living, player
+    best = _another(horde, place, monsters.direction, offset, bits)
+    return _stepped(horde, monsters, ~every, (every, best), monsters.steps_left - 1, bits)
+
+
+def _stepped(
+    horde: Horde,
+    monsters: Monsters,
+    goes_on: jax.Array,
+    turning: tuple[jax.Array, jax.Array],
+    steps_left: jax.Array,
+    bits: jax.Array,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """As `walk`, after all have chosen.
+
+    Args:
+        horde: the tables of the monsters.
+        monsters: the monsters.
+        goes_on: bool[N], which step in their direction.
+        turning: bool[N], which turn; int32[N], to which direction.
+        steps_left: int32[N], of those that do not turn.
+        bits: uint32[N], random.
+    """
+    turns, best = turning
     direction = jnp.where(turns, best, monsters.direction)
     again = turns & (best < _DIRECTIONS)
     steps_left = jnp.where(again, byte(bits, 3) & 15, steps_left)
