@@ -92,10 +92,9 @@ def fight(
     horde, arsenal, before = scenario.horde, scenario.arsenal, state.monsters
     bits = random_bits(key, (len(horde) + 1, 4 + max(int(horde.rays.max()), 1)))
 
-    def bodies(place: jax.Array) -> jax.Array:
-        width = np.full(len(horde), RADIUS, np.int32)
-        met = overlap(place[None], width, before.position, horde.half_width)
-        return jnp.any(met & before.living)
+    def bodies(places: jax.Array) -> jax.Array:
+        met = overlap(places[:, None], RADIUS + horde.half_width[None], before.position[None], 0)
+        return jnp.any(met & before.living[None], axis=1)
 
     origin = state.fixed_position
     state, reached = moved(scenario, state, action, bodies)
@@ -107,12 +106,12 @@ def fight(
     targets = before.position, horde.half_width, before.living
     damage = arsenal.bullets(state, (fires, origin), targets, horde.opaque, pellets)
     monsters = horde.hurt(before, damage, bits[:-1, 0])
-    monsters, attacks = act(horde, monsters, state.fixed_position, fires, bits[:-1, 1:3])
-    blows = attack(horde, monsters, attacks, state.fixed_position, bits[:-1, 4:])
-    monsters = horde.hurt(monsters, blows.dealt, bits[:-1, 3], blows.source)
+    acted, attacks = act(horde, monsters, state.fixed_position, fires, bits[:-1, 1:3])
+    blows = attack(horde, acted, attacks, state.fixed_position, bits[:-1, 4:])
+    monsters = horde.hurt(acted, blows.dealt, bits[:-1, 3], blows.source)
     state = _with_monsters(state, monsters)
     state = suffer(scenario, state, monsters.position, blows.lost, params)
-    return state, Fought(fires, throws(horde, monsters, attacks, blows.bitten), reached)
+    return state, Fought(fires, throws(monsters, acted, attacks, blows.bitten), reached)
 
 
 def _with_monsters(state: S, monsters: Monsters) -> S:

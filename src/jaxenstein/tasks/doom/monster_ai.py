@@ -78,7 +78,7 @@ def act(
         bits: uint32[N, 2], random.
 
     Returns:
-        The monsters, and bool[N], which of them attack now, by the action of their frame.
+        The monsters, and int32[N], the attack of each that attacks now (`Act`), else 0.
     """
     monsters = _settled(monsters)
     goal, width = horde.enemies(monsters, player)
@@ -89,10 +89,11 @@ def act(
     tics = monsters.tics - 1
     begins = monsters.present & (tics <= 0)
     frame = jnp.where(begins, _following(horde, monsters, sees, near, bits), monsters.frame)
-    watches = begins & (horde.at(horde.acts, frame) == Act.WATCH)
+    acts = horde.at(horde.acts, frame)
+    watches = begins & (acts == Act.WATCH)
     wakes = watches & (alarmed | (sees & _notices(monsters, offset)))
-    frame = jnp.where(wakes, horde.walk, frame)
-    chases = begins & (horde.at(horde.acts, frame) == Act.CHASE)
+    frame, acts = jnp.where(wakes, horde.walk, frame), jnp.where(wakes, Act.CHASE, acts)
+    chases = begins & (acts == Act.CHASE)
     reaction = jnp.maximum(monsters.reaction - chases.astype(jnp.int32), 0)
     rests = chases & monsters.just_attacked
     bites = chases & ~rests & near & (horde.melee >= 0)
@@ -101,6 +102,8 @@ def act(
     shoots = (reaction == 0) & _dares(horde, offset, byte(bits[:, 0], 0))
     shoots = may_shoot & (shoots if monsters.just_hit is None else shoots | monsters.just_hit)
     frame = jnp.where(bites, horde.melee, jnp.where(shoots, horde.missile, frame))
+    begun = jnp.where(bites, horde.acts[horde.melee], horde.acts[horde.missile])
+    acts = jnp.where(bites | shoots, begun, acts)
     walks = chases & ~rests & ~bites & ~shoots
     turns = rests & ~horde.fast
     position, direction, steps_left = walk(
@@ -121,7 +124,7 @@ def act(
         infighting=_calmer(monsters.infighting, chases),
         just_hit=None if monsters.just_hit is None else monsters.just_hit & ~may_shoot,
     )
-    return after, begins & (horde.at(horde.acts, frame) >= Act.BITE)
+    return after, jnp.where(begins & (acts >= Act.BITE), acts, Act.NOTHING)
 
 
 def turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:
@@ -165,9 +168,12 @@ def _following(
     horde: Horde, monsters: Monsters, sees: jax.Array, near: jax.Array, bits: jax.Array
 ) -> jax.Array:
     """int32[N]: the frame after this one; some monsters keep attacking while they can."""
+    following = horde.at(horde.following, monsters.frame)
+    if not (horde.back >= 0).any():
+        return following
     back = horde.at(horde.back, monsters.frame)
     again = jnp.where(horde.missile >= 0, sees | (byte(bits[:, 1], 0) < 40), near)
-    return jnp.where((back >= 0) & again, back, horde.at(horde.following, monsters.frame))
+    return jnp.where((back >= 0) & again, back, following)
 
 
 def _notices(monsters: Monsters, offset: jax.Array) -> jax.Array:
@@ -219,7 +225,7 @@ def set_off(
     horde: Horde, monsters: Monsters, player: jax.Array, bits: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """As `walk` for monsters that all take their first step; bits are uint32[N], random."""
-    every, offset = jnp.ones(len(horde), bool), player - monsters.position
+    every, offset = jnp.ones(len(horde), bool), player[None] - monsters.position
     place = monsters.position, monsters.living, player
     best = _another(horde, place, monsters.direction, offset, bits)
     return _stepped(horde, monsters, ~every, (every, best), monsters.steps_left - 1, bits)

@@ -297,7 +297,8 @@ class Horde(Part):
         frame = jnp.where(wakes, self.walk, monsters.frame)
         frame = jnp.where(flinches, self.pain, jnp.where(dies, self.die, frame))
         changed = frame != monsters.frame
-        tics = jnp.where(flinches | dies, self.at(self.frame_tics, frame), monsters.tics)
+        stays = jnp.where(dies, self.frame_tics[self.die], self.frame_tics[self.pain])
+        tics = jnp.where(flinches | dies, stays, monsters.tics)
         return monsters.replace(
             health=health,
             frame=frame,

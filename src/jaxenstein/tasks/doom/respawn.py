@@ -40,7 +40,7 @@ def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -
     if horde.pictured:
         every = jnp.ones(len(horde), bool)
         monsters = monsters.replace(
-            facing=turned(monsters, every, ~every, player - monsters.position)
+            facing=turned(monsters, every, ~every, player[None] - monsters.position)
         )
     since = _FIRST_TIC - horde.frame_tics[horde.stand]
     return monsters.replace(
