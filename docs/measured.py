@@ -4,6 +4,7 @@
     python -m docs.measured agent CONFIG RUN [--episodes N]
     python -m docs.measured suite [--episodes N] [ID ...]
     python -m docs.measured baselines [RUNS ...]
+    python -m docs.measured doom-pixels [--looks] [--episodes N] [RUN ...]
 
 `returns` writes the returns of scripted players to docs/returns.json, with the versions of the
 environments and of JAX; with ids, it measures only their rows again. `agent` plays whole episodes
@@ -11,7 +12,10 @@ with the agents of RUN, from `jaxenstein train --config CONFIG --out RUN`, and w
 docs/agents.json, with one row per config. `suite` writes the reference returns of the benchmark,
 which are part of the package, and the tables in docs/suite.md; ids are as in `returns`. `baselines`
 tests the agents of each folder RUNS, from `jaxenstein train --suite --out RUNS`, and adds their
-algorithm to the package and to docs/suite.md, with its figures.
+algorithm to the package and to docs/suite.md, with its figures. `doom-pixels` tests the agents of
+each RUN, which see colours in a scenario of Doom, here and in ViZDoom, and writes
+docs/doom_pixels.json and the tables and the figure of docs/doom-pixels.md. With --looks, it tests
+them in all looks instead. Without RUN, these two only write tables and figures again.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from typing import Any
 import jax
 
 import jaxenstein
-from docs import suite_baselines
+from docs import doom_pixels, suite_baselines
 from docs.other_pages import with_suite_tables
 from docs.page_parts import AGENTS, HERE, RETURNS, each
 from fidelity.players import mean_and_error, measure
@@ -131,6 +135,13 @@ def measure_baselines(options: argparse.Namespace) -> None:
     suite_baselines.draw()
 
 
+def measure_doom_pixels(options: argparse.Namespace) -> None:
+    """Test the agents of each run here and in the game, and write the tables and the figure."""
+    for run in options.runs:
+        (doom_pixels.add_looks if options.looks else doom_pixels.add)(run, options.episodes)
+    doom_pixels.write()
+
+
 def write_tables() -> None:
     """Write the tables of docs/suite.md again."""
     SUITE.write_text(with_suite_tables(SUITE.read_text("utf-8")), "utf-8")
@@ -155,12 +166,21 @@ def main(argv: Sequence[str] | None = None) -> None:
     trained = what.add_parser("baselines")
     trained.add_argument("runs", nargs="*", type=Path, metavar="RUNS", help="such as runs/ppo")
     trained.set_defaults(run_it=measure_baselines)
+    pixels = what.add_parser("doom-pixels")
+    pixels.add_argument("runs", nargs="*", type=Path, metavar="RUN", help="such as runs/basic")
+    pixels.add_argument("--looks", action="store_true", help="test in all looks")
+    pixels.set_defaults(run_it=measure_doom_pixels)
     returns.add_argument("ids", nargs="*", metavar="ID", help="(default: all but variants)")
     returns.set_defaults(run_it=measure_returns)
     agent.add_argument("config", metavar="CONFIG", help="such as simple-skip6")
     agent.add_argument("run", type=Path, metavar="RUN")
     agent.set_defaults(run_it=measure_agent)
-    for each_parser, episodes in ((returns, PLAYED), (agent, TRIED), (benchmark, REFERRED)):
+    for each_parser, episodes in (
+        (returns, PLAYED),
+        (agent, TRIED),
+        (benchmark, REFERRED),
+        (pixels, TRIED),
+    ):
         each_parser.add_argument("--episodes", type=int, default=episodes, metavar="N")
     options = parser.parse_args(argv)
     options.run_it(options)

@@ -74,7 +74,8 @@ def read_map(text: str, source: str = "TEXTMAP") -> DoomMap:
         if int(line.get("sideback", -1)) < 0:
             if not offset.is_integer():
                 raise MapError(f"linedef {number} has an offset of {offset:g}", source=source)
-            walls.append(Line(x0, y0, x1, y1, side.get("texturemiddle", "-"), int(offset)))
+            row = int(float(side.get("offsety", 0)))
+            walls.append(Line(x0, y0, x1, y1, side.get("texturemiddle", "-"), int(offset), row))
         elif line.get("blocking") == "true":
             rails.append(Line(x0, y0, x1, y1, "-"))
     things = sorted(

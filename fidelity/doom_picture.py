@@ -36,6 +36,8 @@ SCENARIOS = (
     *("basic", "defend_the_center", "defend_the_line", "deadly_corridor"),
 )
 SIZES = SCREENS[:2]
+# Maps with steps in floor and ceiling, which we draw flat.
+STEPPED = ("predict_position", "deathmatch")
 # The number of recorded views of a scenario after the first. The last scenario has none: its states
 # do not show how the weapon bobs once the player is hit.
 FEW = 12
@@ -44,7 +46,7 @@ FEW = 12
 def renderers(scenario: str, pictures: Wad) -> dict[tuple[int, int], Renderer]:
     """The renderers of a scenario, by screen size."""
     folder = Path(load_vizdoom().scenarios_path)
-    game_map = read_game_map(Wad(folder / f"{scenario}.wad"))
+    game_map = read_game_map(Wad(folder / f"{scenario}.wad"), scenario in STEPPED)
     return {size: Renderer(game_map, pictures, size[1], size[0]) for size in SIZES}
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from fidelity.doom_looks import SCENARIOS, ours
+from fidelity.doom_looks import LEVEL, ours
 from fidelity.doom_picture import SIZES, renderers
 from fidelity.doom_views import fitted, views
 from jaxenstein.files import atomic, check_writable
@@ -38,8 +38,8 @@ def sheet(frames: int, seed: int) -> tuple[np.ndarray, list[int]]:
     here = sorted(draw.sample(range(frames), frames // 2))
     shown: list[np.ndarray] = [np.zeros(0)] * frames
     order = draw.sample(range(frames), frames)
-    for number, scenario in enumerate(SCENARIOS):
-        places = order[number :: len(SCENARIOS)]
+    for number, scenario in enumerate(LEVEL):
+        places = order[number :: len(LEVEL)]
         screen = renderers(scenario, pictures)[SIZE]
         played = list(views(scenario, SIZE, ONE_OF * len(places), seed))[::ONE_OF]
         found = [fitted([screen], pictures, [view])[0] for view in played]

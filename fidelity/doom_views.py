@@ -20,15 +20,17 @@ import numpy as np
 from fidelity.doom_recording import LONGEST_HOLD, pick
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
+from jaxenstein.tasks.doom.game_weapon import WEAPON_LOOKS
 from jaxenstein.tasks.doom.maps import load_map, rasterise
 from jaxenstein.tasks.doom.wad import Picture, Wad
+from jaxenstein.tasks.doom.weapons import SLOTS
 from tests.reference.doom import cosine, sine, times
 from tests.reference.doom_picture import Pose, Renderer
 from tests.reference.doom_things import Blend, Thing, Weapon
 
 VARIABLES = (
     *("CAMERA_POSITION_X", "CAMERA_POSITION_Y", "CAMERA_POSITION_Z", "CAMERA_ANGLE"),
-    *("VELOCITY_X", "VELOCITY_Y"),
+    *("POSITION_Z", "SELECTED_WEAPON", "VELOCITY_X", "VELOCITY_Y"),
 )
 EPISODES = 10
 # The least and the largest number of tics between two frames.
@@ -38,9 +40,14 @@ BESIDE = 256
 # The share of gold, in 256ths, in the frame in which the vest is taken.
 GOLD = 48
 # The light that a shot can add, and the number of tics in which a weapon is raised.
-FLASHES, RAISING = (0, 16), 20
+FLASHES, RAISING = (0, 16, 32), 20
 REST = 32 * ONE + ONE * 3 // 8
+# What the player gets in Deathmatch, so that frames have all weapons that we have.
+GIFTS = "Chainsaw", "Shotgun", "SuperShotgun", "Chaingun", "RocketLauncher", "ammo"
+UNARMED = "my_way_home", "health_gathering", "health_gathering_supreme", "take_cover"
 
+# Copies of the player: the marines' pictures, in green.
+PLAYER = "PLAY+"
 SPRITES = {
     "GreenArmor": "ARM1",
     "Medikit": "MEDI",
@@ -59,10 +66,31 @@ SPRITES = {
     "Clip": "CLIP",
     "Shotgun": "SHOT",
     "Chaingun": "MGUN",
+    "Rocket": "MISL",
+    "HellKnight": "BOS2",
+    "BaronBall": "BAL7",
+    "TeleportFog": "TFOG",
+    "Stimpack": "STIM",
+    "HealthBonus": "BON1",
+    "ArmorBonus": "BON2",
+    "BlueArmor": "ARM2",
+    "ClipBox": "AMMO",
+    "ShellBox": "SBOX",
+    "RocketBox": "BROK",
+    "CellPack": "CELP",
+    "Chainsaw": "CSAW",
+    "SuperShotgun": "SGN2",
+    "RocketLauncher": "LAUN",
+    "PlasmaRifle": "PLAS",
+    "DoomPlayer": PLAYER,
 }
 """The sprites of things by their names in the game, without the prefix `Dead` of corpses."""
-BLENDS: dict[str, Blend] = {"BAL1": "add", "PUFF": "mean"}
-LIFELESS = "MEDI", "BON1", "CLIP", "SHOT", "MGUN"
+BLENDS: dict[str, Blend] = {"BAL1": "add", "BAL7": "add", "TFOG": "add", "PUFF": "mean"}
+LIFELESS = (
+    *("MEDI", "BON1", "BON2", "STIM", "AMMO", "SBOX", "BROK", "CELP", "CSAW", "SGN2", "LAUN"),
+    *("PLAS", "CLIP", "SHOT", "MGUN"),
+)
+BRIGHT = "BAL1", "BAL7", "TFOG", "MISL"
 
 
 class Look(NamedTuple):
@@ -135,10 +163,19 @@ def views(
             game.set_doom_skill(3)
 
     with running(scenario, seed=seed, variables=VARIABLES, size=size, prepare=prepare) as game:
-        buttons = [1 << i for i in range(game.get_available_buttons_size())]
+        # The last buttons of some scenarios turn by an angle.
+        binary = sum("DELTA" not in button.name for button in game.get_available_buttons())
+        buttons = [1 << i for i in range(binary)]
+
+        def begin() -> None:
+            game.new_episode()
+            if scenario == "deathmatch":
+                for gift in GIFTS:
+                    game.send_game_command(f"give {gift}")
+
         for number in range(frames):
             if number % max(2, frames // EPISODES) == 0:
-                game.new_episode()
+                begin()
             if places and number % 2:
                 near = places
                 if number % 4 == 3 and (things := look(scenario, game.get_state()).things):
@@ -149,7 +186,7 @@ def views(
             for held in buttons_held(draw, len(buttons)):
                 game.make_action([int(held & bit > 0) for bit in buttons])
                 if game.is_episode_finished():
-                    game.new_episode()
+                    begin()
                 elif look(scenario, game.get_state()).gold:
                     break
             yield look(scenario, game.get_state())
@@ -179,37 +216,49 @@ def open_places(scenario: str) -> list[tuple[float, float]]:
 
 def look(scenario: str, state: Any) -> View:
     """The view of a state of the game, with the first picture of each thing."""
-    x, y, z, angle, *speed = (float(value) for value in state.game_variables)
-    # The game divides by the largest angle, 2**32 - 1.
-    pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z), round(angle / 360 * (2**32 - 1)) % 2**32)
+    x, y, z, angle, floor, slot, *speed = (float(value) for value in state.game_variables)
+    # The game divides by the largest angle, 2**32 - 1. Heights are those above the player's floor.
+    turned = round(angle / 360 * (2**32 - 1)) % 2**32
+    pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z) - to_fixed(floor), turned)
     things = []
     for o in state.objects:
         sprite = SPRITES.get(o.name.removeprefix("Dead"))
-        if sprite:
+        if sprite and math.dist((o.position_x, o.position_y), (x, y)) > 1:
             towards = math.degrees(math.atan2(o.position_y - y, o.position_x - x))
             side = int((towards - o.angle + 202.5) % 360 // 45)
-            feet = map(to_fixed, (o.position_x, o.position_y, o.position_z))
-            things.append(Seen(Look(sprite, "A", side, sprite == "BAL1"), *feet))
-    armed = scenario in ("basic", "defend_the_center", "defend_the_line", "deadly_corridor")
-    weapons = pistols(state.tic, *speed) if armed else ()
+            feet = map(to_fixed, (o.position_x, o.position_y, o.position_z - floor))
+            things.append(Seen(Look(sprite, "A", side, sprite in BRIGHT), *feet))
+    armed = scenario not in UNARMED
+    weapons = guns(int(slot), state.tic, *speed) if armed else ()
     taken = scenario == "my_way_home" and not things
     frame = np.array(state.screen_buffer)
     return View(pose, tuple(things), (), GOLD if taken else 0, 0, frame, weapons)
 
 
-def pistols(tic: int, dx: float, dy: float) -> tuple[tuple[Held, ...], ...]:
-    """The candidates for a pistol: at rest, bobbing or being raised, with or without a flash."""
+def guns(slot: int, tic: int, dx: float, dy: float) -> tuple[tuple[Held, ...], ...]:
+    """The candidates for a weapon: at rest, bobbing or being raised, with or without a flash.
+
+    Args:
+        slot: the variable SELECTED_WEAPON.
+        tic: the game's count of tics.
+        dx: the player's velocity along x, in map units.
+        dy: likewise along y.
+    """
     # It bobs by the square of the speed before friction, and is at rest while it fires.
     fast = [round(to_fixed(speed) * ONE / 59392) for speed in (dx, dy)]
     bob = min(sum(speed * speed for speed in fast) >> 18, 16 * ONE)
     phase = 128 * tic % 8192
     swing = times(bob, cosine(phase)), REST + times(bob, sine(phase % 4096))
-    heights = [(0, y * ONE) for y in range(122, 32, -6)] if tic < RAISING else []
     found = []
-    for x, y in ((0, REST), swing, *heights):
-        for frame in "ABCDE":
-            gun = Held("PISG", frame, x, y, False)
-            found += [(gun,), (gun, Held("PISF", "A", x, y, True))]
+    for look in (WEAPON_LOOKS[one.weapon.name] for one in SLOTS if one.button == slot):
+        for x, y in ((0, REST), swing):
+            for letter in {*look.ready, *(one.letter for one in look.fires)}:
+                gun = Held(look.sprite, letter, x, y, False)
+                flashes = [Held(look.flash, one.letter, x, y, True) for one in look.flashes]
+                found += [(gun,), *((gun, flash) for flash in flashes)]
+        for y in range(122, 32, -6):
+            lower = (REST & (ONE - 1), 0) if tic >= RAISING else (0,)
+            found += [(Held(look.sprite, look.ready[0], 0, y * ONE + n, False),) for n in lower]
     return tuple(dict.fromkeys(found))
 
 
@@ -226,7 +275,7 @@ def drawn(renderer: Renderer, pictures: Wad, view: View) -> np.ndarray:
 @functools.cache
 def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
     """A picture of a sprite; marines get their own colour."""
-    found = pictures.sprite(sprite, frame)[side]
+    found = pictures.sprite(sprite[:4], frame)[side]
     if sprite != "PLAY":
         return found
     green = (found.pixels >= 112) & (found.pixels < 128)
@@ -236,12 +285,19 @@ def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
 @functools.cache
 def looks(pictures: Wad, sprite: str, side: int) -> tuple[Look, ...]:
     """All pictures of a thing from one side."""
-    names = [name for name in pictures.names("S") if name[:4] == sprite]
+    names = [name for name in pictures.names("S") if name[:4] == sprite[:4]]
     frames = sorted({name[i] for name in names for i in (4, 6) if name[i:]})
     if sprite in LIFELESS:
         return tuple(Look(sprite, frame, side, False) for frame in frames)
-    bright = (True,) if sprite == "BAL1" else (False, True)
+    bright = (True,) if sprite in BRIGHT else (False, True)
     return tuple(Look(sprite, frame, side, b) for b in bright for frame in frames)
+
+
+def ahead(pose: Pose, seen: Seen) -> bool:
+    """Whether a thing may be in the view of an eye."""
+    way = math.atan2(seen.y - pose.y, seen.x - pose.x) - pose.angle * (2 * math.pi / 2**32)
+    near = math.dist((seen.x, seen.y), (pose.x, pose.y)) < BESIDE * ONE
+    return near or math.cos(way) > math.cos(math.radians(60))
 
 
 def fitted(renderers: Sequence[Renderer], pictures: Wad, views: Sequence[View]) -> tuple[View, ...]:
@@ -261,8 +317,10 @@ def fitted(renderers: Sequence[Renderer], pictures: Wad, views: Sequence[View]) 
             held = [changed(held=held) for held in views[0].weapons]
             current = min([current, *held], key=wrong)
         for number, seen in enumerate(views[0].things):
-            tries = [current]
-            for one in looks(pictures, seen.look.sprite, seen.look.side):
+            tries, options = [current], looks(pictures, seen.look.sprite, seen.look.side)
+            if options == (current[0].things[number].look,) or not ahead(views[0].pose, seen):
+                continue
+            for one in options:
                 things = list(current[0].things)
                 things[number] = seen._replace(look=one)
                 tries.append(changed(things=tuple(things)))

@@ -46,9 +46,14 @@ PARTNERS: dict[str, Partner] = {
         ("equinox", "tensorboardX", "wandb"),
     ),
     "vizdoom": Partner(
-        ("vizdoom>=1.3",),
-        ("adapters/test_vizdoom.py", "adapters/test_vizdoom_ids.py"),
-        ("vizdoom",),
+        ("vizdoom>=1.3", "flax>=0.12", "optax>=0.2.4", "matplotlib>=3.9"),
+        (
+            "adapters/test_vizdoom.py",
+            "adapters/test_vizdoom_ids.py",
+            "docs/test_doom_pixels.py",
+            "docs/test_notebooks.py",
+        ),
+        ("vizdoom", "flax", "matplotlib"),
     ),
     "torch": Partner((_TORCH,), ("adapters/test_torch.py", _EVERY), ("torch",), "3.11"),
     "torchrl": Partner(
@@ -59,7 +64,7 @@ PARTNERS: dict[str, Partner] = {
     ),
     "sb3": Partner(
         (_TORCH, "stable-baselines3>=2.4"),
-        ("adapters/test_sb3.py", _EVERY),
+        ("adapters/test_sb3.py", "experiments/test_way_back.py", _EVERY),
         ("torch", "stable_baselines3"),
         "3.11",
     ),

@@ -91,6 +91,8 @@ def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
     # Drop the options of a look or split that is no longer set.
     asked = {**given, **(given.get("settings") or {})}
     gone = {"look_seeds", "look_range"} if asked.get("look", "random") != "random" else set()
+    gone |= {"wad"} if asked.get("look", "game") != "game" else set()
+    gone |= {"samples"} if asked.get("look", "game") not in ("game", "random") else set()
     gone |= {"test_fraction"} if asked.get("split", "") is None else set()
     for table in (merged, merged.get("settings") or {}):
         for name in gone - set(asked):

@@ -296,7 +296,7 @@ def departures(results: Iterable[Results]) -> list[str]:
     rows = list(results)
     runs, episodes = (min(row.returns.shape[axis] for row in rows) for axis in (0, 1))
     counts = (runs, SEEDS, "training seeds"), (episodes, EPISODES, "test episodes")
-    found = [f"{have} {name} instead of {wanted}" for have, wanted, name in counts if have < wanted]
+    found = [f"{have} of {wanted} {name}" for have, wanted, name in counts if have < wanted]
     if any(row.actions == "greedy" for row in rows):
         found.append("greedy actions instead of sampled ones")
     return found

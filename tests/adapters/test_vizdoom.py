@@ -10,6 +10,7 @@ import importlib.util
 import itertools
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -19,6 +20,7 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from fidelity import doom_palette
 from jaxenstein.adapters import vizdoom_buffers
 from jaxenstein.cli import main
 from jaxenstein.engine.render import render
@@ -344,11 +346,19 @@ def test_game_state_includes_all_monsters() -> None:
 
 
 @pytest.mark.skipif(not INSTALLED, reason="ViZDoom is not installed")
-def test_game_look_sees_the_pixels_of_the_game(real_frames: None) -> None:
-    env, params = jaxenstein.make("doom-my-way-home", look="game", height=48, width=64)
-    with vizdoom.GameSession(env, params, seed=1) as session:
-        del real_frames
-        for _ in range(3):
-            ours = np.asarray(env.observe(session.state, params))
-            assert (ours == session.observation).all(axis=-1).mean() > 0.99
-            session.step(env.index_of("turn left"))
+@pytest.mark.usefixtures("real_frames")
+def test_game_look_sees_the_pixels_of_the_game(tmp_path: Path) -> None:
+    """Of the WAD file of the environment; agents of random looks see the same pixels."""
+    other, first = tmp_path / "other.wad", []
+    doom_palette.main([str(other), "--channels", "gbr"])
+    for settings in ({"look": "game"}, {"look": "game", "wad": str(other)}, {"look": "random"}):
+        env, params = jaxenstein.make("doom-my-way-home", height=48, width=64, **settings)
+        with vizdoom.GameSession(env, params, seed=1) as session:
+            first.append(session.observation)
+            for _ in range(3):
+                ours = np.asarray(env.observe(session.state, params))
+                equal = (ours == session.observation).all(axis=-1).mean()
+                assert equal > 0.99 or settings["look"] == "random"
+                session.step(env.index_of("turn left"))
+    np.testing.assert_array_equal(first[1], first[0][..., [1, 2, 0]])
+    np.testing.assert_array_equal(first[2], first[0])

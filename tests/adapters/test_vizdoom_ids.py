@@ -16,7 +16,6 @@ import jax
 import numpy as np
 import pytest
 
-import jaxenstein
 from jaxenstein.adapters import vizdoom_buffers
 from jaxenstein.adapters.registration import VIZDOOM_SCENARIOS
 from jaxenstein.engine.render import render
@@ -215,18 +214,14 @@ def test_wrong_actions(scenario: str, action: Any, message: str) -> None:
 
 @pytest.mark.parametrize("scenario", RECORDED)
 def test_without_the_games_pictures(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenarios that can show them say how to get them; the others do without."""
+    """The error says how to get them."""
 
     def missing() -> Any:
         raise vizdoom_buffers.MissingViZDoomError("No: pip install 'jaxenstein[vizdoom]'")
 
     monkeypatch.setattr(vizdoom_buffers, "load_vizdoom", missing)
-    takes = jaxenstein.make(VIZDOOM_SCENARIOS[scenario][0])[0].takes_game_look  # type: ignore[attr-defined]
-    if takes:
-        with pytest.raises(ImportError, match=r"jaxenstein\[vizdoom\].*look='plain'"):
-            made(scenario)
-    else:
-        assert made(scenario).unwrapped.env.look == "plain"
+    with pytest.raises(ImportError, match=r"jaxenstein\[vizdoom\].*look='plain'"):
+        made(scenario)
 
 
 def test_the_page_lists_the_ids() -> None:

@@ -93,6 +93,7 @@ def state_of(value: float, params: float, bonus: float, diverged: int = 0) -> Tr
         optimiser=jnp.full((2, 3), value, jnp.float32),
         bonus=(jnp.float32(bonus), jnp.int32(value)),
         scale=None,
+        reward_scale=None,
         recent=None,
         actors=nothing,
         diverged=jnp.int32(diverged),

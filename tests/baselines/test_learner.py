@@ -133,7 +133,11 @@ def test_learning_rates_fall_linearly_and_nothing_compiles_between_chunks():
 
 
 def test_advantages_bootstrap_at_truncations():
-    """If all values are 1, targets are known: the next value counts unless the task ended."""
+    """If all values are 1, targets are known: the next value counts unless the task ended.
+
+    Normalised rewards are divided by the deviation of their discounted sums, which end with the
+    episodes; reported rewards are not divided.
+    """
     numbers = HParams(gamma=0.9, gae_lambda=0.0, learning_rate=0.0)
     run = learner()
     state = run.init(KEY)
@@ -143,19 +147,36 @@ def test_advantages_bootstrap_at_truncations():
     params = state.params | {"heads": {"params": heads | {last: ones}}}
     # Count the kinds of ends by the same steps.
     play = jax.jit(rollout, static_argnums=(0, 1, 5, 6))
-    actors, key, means = state.actors, state.key, {True: [], False: []}
+    actors, key, rewards = state.actors, state.key, []
+    cases = {"default": {}, "ends": {"bootstrap_truncation": False}}
+    cases["normalised"] = {"normalise_rewards": True}
+    means = {case: [] for case in cases}
+    total, totals = np.zeros(4), []
     for _ in range(2):
         split = jax.random.split(jax.random.wrap_key_data(key), 4)
         actors, steps, _, _ = play(run.simulator, run.network, params, split[1], actors, 6, 0)
         key = jax.random.key_data(split[0])
-        for bootstrap, ends in ((True, steps.terminated), (False, steps.ended)):
-            gains = np.asarray(steps.reward) + 0.9 * (1 - np.asarray(ends))
-            means[bootstrap].append(np.mean(gains - 1))
-    assert np.all(np.subtract(means[True], means[False]) > 0)
-    for bootstrap in (True, False):
-        run = learner() if bootstrap else learner_of(Countdown(), bootstrap_truncation=False)
-        _, metrics = run.train_chunk(state.replace(params=params), numbers, 2)
-        np.testing.assert_allclose(metrics["advantage_mean"], means[bootstrap], rtol=1e-5)
+        reward, ended = np.asarray(steps.reward), np.asarray(steps.ended)
+        rewards.append(reward.mean())
+        for now, end in zip(reward, ended, strict=True):
+            total = 0.9 * total + now
+            totals.append(total)
+            total = np.where(end, 0, total)
+        scale = np.std(totals)
+        assert scale > 1
+        for case, divided, ends in (
+            ("default", reward, steps.terminated),
+            ("ends", reward, ended),
+            ("normalised", reward / scale, steps.terminated),
+        ):
+            means[case].append(np.mean(divided + 0.9 * (1 - np.asarray(ends)) - 1))
+    assert np.all(np.subtract(means["default"], means["ends"]) > 0)
+    for case, settings in cases.items():
+        run = learner_of(Countdown(), **settings) if settings else learner()
+        start = run.init(KEY).replace(params=params)
+        _, metrics = run.train_chunk(start, numbers, 2)
+        np.testing.assert_allclose(metrics["advantage_mean"], means[case], rtol=1e-5)
+        np.testing.assert_allclose(metrics["reward_mean"], rewards, rtol=1e-5)
 
 
 def test_evaluation_plays_whole_episodes():

@@ -90,7 +90,7 @@ def test_aggregates_and_files(
         right = [statistics.fraction_above(scores, tau) for tau in profile["taus"]]
         assert profile["fractions"] == pytest.approx(right, abs=1e-12)
     right = statistics.probability_of_improvement(scores_of(RND), scores_of(PPO))
-    assert report["probability_of_improvement"]["value"] == pytest.approx(right)
+    assert report["probability_of_improvement"]["ppo"]["value"] == pytest.approx(right)
 
 
 def test_single_run_gets_a_note(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,13 +109,17 @@ def test_baselines_stand_beside_the_own_agent(
     monkeypatch.setattr(suite, "BASELINES", tmp_path)
     rng, folder = np.random.default_rng(0), make_folder(tmp_path / "small-1")
     earned = {task.id: rng.normal(size=(5, 100)).tolist() for task in suite.TASKS}
-    write_all(folder, {"ppo.json": suite_results(returns=earned)})
+    ours = suite_results(returns=earned)
+    write_all(folder, {"ppo.json": ours, "rnd.json": ours})
     (mine,) = write_all(tmp_path, {"mine.json": suite_results()})
     out = tmp_path / "scores.json"
     assert main(["score", str(mine), "--suite", "--baselines", "--json", str(out)]) == 0
     report, shown = json.loads(out.read_text()), capsys.readouterr().out
-    assert [*report["policies"]] == ["mine", "PPO (baseline)"]
-    assert "mine departs from the protocol: 1 training seeds instead of 5" in shown
+    assert [*report["policies"]] == ["mine", "PPO (baseline)", "RND (baseline)"]
+    for name, chance in report["probability_of_improvement"].items():
+        assert f"\nprobability that mine scores higher than {name}: {chance['value']:.3f}" in shown
+    assert [*report["probability_of_improvement"]] == ["PPO (baseline)", "RND (baseline)"]
+    assert "mine departs from the protocol: 1 of 5 training seeds" in shown
     assert re.search(r"\nmine +\S+ +- +\S+ +- +\S+ +- +\S+ +-\n", shown)
     assert "PPO (baseline) departs" not in shown
     told = report["policies"]["PPO (baseline)"]["tasks"]

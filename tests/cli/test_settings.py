@@ -97,6 +97,10 @@ def test_given_look_replaces_look_of_a_run() -> None:
     plain = changed(trained, {"settings": {"look": "plain"}}).build()[0]
     assert isinstance(plain, FirstPerson)
     assert plain.look == "plain"
+    averaged = {"env": "doom-basic", "settings": {"look": "random", "samples": 2}}
+    for look, left in (("plain", {"look"}), ("random", {"look", "samples"})):
+        other = changed(spec_from(averaged), {"settings": {"look": look}})
+        assert set(other.settings) == left
     with pytest.raises(SettingError, match="look_seeds needs look='random'"):
         spec_from({"env": "simple", "look_seeds": [0, 100]})
 

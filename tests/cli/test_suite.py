@@ -77,7 +77,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     shown = capsys.readouterr().out
     assert "IQM" in shown
     for policy, runs in (("rnd", 2), ("expert", 1)):
-        told = f"{runs} training seeds instead of 5, 2 test episodes instead of 100"
+        told = f"{runs} of 5 training seeds, 2 of 100 test episodes"
         assert f"{policy} departs from the protocol: {told}\n" in shown
     # The expert's score of a task is 1 by definition; its IQM over two tasks as well.
     aggregates = shown[shown.index("IQM") :]

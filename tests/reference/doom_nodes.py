@@ -1,7 +1,6 @@
 """Maps of the game with their nodes, which sort pieces of walls by distance.
 
-Only for maps with one floor height, one ceiling height and one-sided walls. Numbers are 16.16 map
-units.
+Only one-sided walls, and one height of floors and of ceilings. Numbers are 16.16 map units.
 """
 
 from __future__ import annotations
@@ -84,12 +83,17 @@ class GameMap:
             left += [node.sides[not behind], node.sides[behind]]
 
 
-def read_game_map(wad: Wad) -> GameMap:
-    """The map of one of ViZDoom's scenarios, from the lumps TEXTMAP and ZNODES."""
+def read_game_map(wad: Wad, flat: bool = False) -> GameMap:
+    """The map of one of ViZDoom's scenarios, from the lumps TEXTMAP and ZNODES.
+
+    Args:
+        wad: its file.
+        flat: whether to draw a map with several kinds of sectors as if all were like the first.
+    """
     blocks = parse_udmf(wad.lump("TEXTMAP").decode("ascii"), wad.path.name)
     looks = "heightfloor", "heightceiling", "texturefloor", "textureceiling", "lightlevel"
     kinds = {tuple(sector.get(look) for look in looks) for sector in blocks["sector"]}
-    if len(kinds) != 1:
+    if len(kinds) != 1 and not flat:
         raise ValueError(f"{wad.path.name} has sectors of {len(kinds)} kinds")
     sector = blocks["sector"][0]
     points = [(fixed(v["x"]), fixed(v["y"])) for v in blocks["vertex"]]
@@ -97,12 +101,20 @@ def read_game_map(wad: Wad) -> GameMap:
     for block in blocks["linedef"]:
         side = blocks["sidedef"][int(block["sidefront"])]
         one_sided = int(block.get("sideback", -1)) < 0
-        offset = fixed(side.get("offsetx", "0")), fixed(side.get("offsety", "0"))
+        # Textures begin at the ceiling of their own sector.
+        above = blocks["sector"][int(side["sector"])]
+        down = float(above.get("heightceiling", 0)) - float(sector.get("heightceiling", 0))
+        down += float(side.get("offsety", 0))
+        offset = fixed(side.get("offsetx", "0")), fixed(str(down))
         from_below = block.get("dontpegbottom") == "true"
         ends = points[int(block["v1"])], points[int(block["v2"])]
         line = Line(*ends, side.get("texturemiddle", "-"), offset, from_below)
         lines.append(line if one_sided else None)
-    nodes, pieces = read_nodes(wad.lump("ZNODES"), points, lines)
+    if "ZNODES" in wad.names():
+        nodes, pieces = read_nodes(wad.lump("ZNODES"), points, lines)
+    else:
+        # The game makes its own when it loads such a map.
+        nodes, pieces = build_nodes([line for line in lines if line is not None])
     return GameMap(
         nodes,
         pieces,
@@ -155,3 +167,51 @@ def read_nodes(
         x, y, dx, dy, *_box, right, left = take("12hII")
         nodes.append(Node((x * ONE, y * ONE), (dx * ONE, dy * ONE), (right, left)))
     return tuple(nodes), tuple(pieces)
+
+
+def build_nodes(
+    lines: Sequence[Line],
+) -> tuple[tuple[Node, ...], tuple[tuple[Seg, ...], ...]]:
+    """Nodes and pieces of one-sided walls: each node divides the map along one of them."""
+    nodes: list[Node] = []
+    pieces: list[tuple[Seg, ...]] = []
+
+    def build(segs: list[Seg]) -> int:
+        """The number of the node or piece of walls."""
+        for by in segs:
+            front, behind = divided(segs, by)
+            if behind:
+                sides = build(front), build(behind)
+                way = by.end[0] - by.start[0], by.end[1] - by.start[1]
+                nodes.append(Node(by.start, way, sides))
+                return len(nodes) - 1
+        # No wall is behind another.
+        pieces.append(tuple(segs))
+        return len(pieces) - 1 | 1 << 31
+
+    build([Seg(line.start, line.end, line) for line in lines])
+    return tuple(nodes), tuple(pieces)
+
+
+def divided(segs: Sequence[Seg], by: Seg) -> tuple[list[Seg], list[Seg]]:
+    """The parts of walls in front of the line of one of them, which are on it or right of it."""
+
+    def beside(point: Point) -> int:
+        (x, y), (ax, ay), (bx, by_) = point, by.start, by.end
+        return (x - ax) * (by_ - ay) - (y - ay) * (bx - ax)
+
+    front, behind = [], []
+    for seg in segs:
+        a, b = beside(seg.start), beside(seg.end)
+        if a >= 0 and b >= 0:
+            front.append(seg)
+        elif a <= 0 and b <= 0:
+            behind.append(seg)
+        else:
+            share = a / (a - b)
+            ends = zip(seg.start, seg.end, strict=True)
+            x, y = (round(one + (other - one) * share) for one, other in ends)
+            parts = Seg(seg.start, (x, y), seg.line), Seg((x, y), seg.end, seg.line)
+            front.append(parts[a < 0])
+            behind.append(parts[a > 0])
+    return front, behind

@@ -89,10 +89,13 @@ class Renderer:
         for name, texture in self.textures.items():
             if texture.shape[0] & texture.shape[0] - 1:
                 raise ValueError(f"texture {name} is {texture.shape[0]} rows high")
-        # The last pose and light that were drawn.
+        # The last pose and light that were drawn, and the last things with the frame they gave.
         self.drawn: tuple[Pose, int] | None = None
-        self.floor = pictures.flat(game_map.floor_flat)
-        self.ceiling = pictures.flat(game_map.ceiling_flat)
+        self.dressed: tuple[object, Sequence[Thing], np.ndarray] = None, (), np.zeros(0)
+        self.floor, self.ceiling = (
+            pictures.flat(name) if name in pictures.names("F") else pictures.texture(name)
+            for name in (game_map.floor_flat, game_map.ceiling_flat)
+        )
         # Half the screen; the height in pixels of a map unit at depth 1; how light falls off.
         self.cx, self.cy = width // 2, height // 2
         self.stretch = (320 * ONE) * height // (200 * width)
@@ -131,12 +134,16 @@ class Renderer:
         """uint8[height, width]: the frame as palette indices."""
         if (pose, self.light) != self.drawn:
             self.empty(pose)
-            self.drawn = pose, self.light
-        frame = self.frame.copy()
-        stamps = [(s.stamp, self.hidden(s)) for s in self.far_first(things)]
-        stamps += [(self.held(weapon), np.zeros(self.width, bool)) for weapon in weapons]
-        for stamp, hidden in stamps:
-            paint(frame, stamp, hidden, self.colormap, self.palette)
+            self.drawn, self.dressed = (pose, self.light), (None, (), self.frame)
+        key = [(id(t.picture), t.x, t.y, t.z, t.bright, t.blend) for t in things]
+        if self.dressed[0] != key:
+            frame = self.frame.copy()
+            for sprite in self.far_first(things):
+                paint(frame, sprite.stamp, self.hidden(sprite), self.colormap, self.palette)
+            self.dressed = key, things, frame
+        frame, seen = self.dressed[2].copy(), np.zeros(self.width, bool)
+        for weapon in weapons:
+            paint(frame, self.held(weapon), seen, self.colormap, self.palette)
         return frame
 
     def empty(self, pose: Pose) -> None:
@@ -319,13 +326,15 @@ class Renderer:
         pose = self.pose
         away = abs(height - pose.z)
         near = cut(self.floor_light << 16, away)
-        # A flat has 64 texels: the highest six of 32 bits.
-        unit, focal = 1 << 26, self.cx * ONE
+        # The texels of a flat are the highest bits of 32: six of 64 texels.
+        rows, columns = flat.shape
+        bits_x, bits_y = columns.bit_length() - 1, rows.bit_length() - 1
+        unit_x, unit_y, focal = 1 << (32 - bits_x), 1 << (32 - bits_y), self.cx * ONE
         right = (pose.angle - (1 << 30)) % 2**32 >> 19
-        step_x, step_y = cut(unit * cosine(right), focal), cut(unit * -sine(right), focal)
+        step_x, step_y = cut(unit_x * cosine(right), focal), cut(unit_y * -sine(right), focal)
         ahead = right + 2048
-        ahead_x, ahead_y = times(unit, cosine(ahead)), times(unit, -sine(ahead))
-        eye_x, eye_y = times(unit, pose.x), times(unit, -pose.y)
+        ahead_x, ahead_y = times(unit_x, cosine(ahead)), times(unit_y, -sine(ahead))
+        eye_x, eye_y = times(unit_x, pose.x), times(unit_y, -pose.y)
         darkness = darkness_of(self.light)
         for y in range(self.height):
             covered = np.flatnonzero((tops <= y) & (y < bottoms))
@@ -339,8 +348,8 @@ class Renderer:
                 x = times(distance, signed(ahead_x + first * step_x)) + eye_x
                 y_ = times(distance, signed(ahead_y + first * step_y)) + eye_y
                 count = np.arange(len(span))
-                u = (x % 2**32 + dx * count) % 2**32 >> 26
-                v = (y_ % 2**32 + dy * count) % 2**32 >> 26
+                u = (x % 2**32 + dx * count) % 2**32 >> (32 - bits_x)
+                v = (y_ % 2**32 + dy * count) % 2**32 >> (32 - bits_y)
                 self.frame[y, span] = self.colormap[shade, flat[v, u]]
 
     def far_first(self, things: Sequence[Thing]) -> list[Sprite]:

@@ -142,9 +142,9 @@ def test_each_episode_has_its_own_look(id: str) -> None:
         assert ((before == after) == (number % 3 != 0)).all()
 
 
-def test_doom_has_one_look() -> None:
-    with pytest.raises(SettingError, match="look must be 'plain' or 'game' in Doom's scenarios"):
-        made("doom-basic", look="random")
+def test_doom_has_no_patterns_on_its_small_tiles() -> None:
+    with pytest.raises(SettingError, match="look must be 'plain', 'random' or 'game' in Doom's"):
+        made("doom-basic", look="patterned")
 
 
 def test_state_without_a_look_is_refused() -> None:

@@ -63,8 +63,8 @@ class GameSession(Session):
     Observations come from the game's buffers. Depths are in tiles; they come from 8 bits, in steps
     of 7.1 map units. `labels` distinguishes floor, ceiling, walls and things. In maps with several
     textures, wall labels are looked up on the map, because no buffer has them. With
-    `look="game"`, colours are pixels of the game's screen, the ones that this look draws. Otherwise
-    they are means of the game's pixels, where ours are means of whole textures.
+    `look="game"` or `"random"`, colours are pixels of the game's screen, the ones that these looks
+    draw. Otherwise they are means of the game's pixels, where ours are means of whole textures.
     """
 
     env: DoomScenario[Any, Any]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -73,8 +73,8 @@ class GameSession(Session):
         """Start the game.
 
         Args:
-            env: an environment of the `doom-` family; its buttons, frame skip, image size and
-                kind of observation also apply in the game.
+            env: an environment of the `doom-` family; its buttons, frame skip, image size, kind
+                of observation and WAD file also apply in the game.
             params: its params; only `max_steps_in_episode` matters in the game.
             seed: the seed of the first episode.
 
@@ -87,11 +87,11 @@ class GameSession(Session):
         assert isinstance(env, DoomScenario)
         params = env.single_params(params)
         limit = int(params.max_steps_in_episode)
-        self._picks = env.look == "game" and env.observation in ("rgb", "gray", "dict")
+        self._picks = env.on_screen and env.observation in ("rgb", "gray", "dict")
         size, weapon = screen_for(env.height, env.width), env.show_weapon
         if self._picks:
             rows, columns = screen_of(env.view_height, int(env.width), int(env.samples))
-            size, weapon = (columns, rows), env.game.weapon is not None
+            size, weapon = (columns, rows), env.shows_weapon
 
         def prepare(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
@@ -102,6 +102,8 @@ class GameSession(Session):
             game.set_labels_buffer_enabled(env.observation == "labels")
             game.set_objects_info_enabled(True)
             game.set_episode_timeout(limit)
+            if env.wad is not None:
+                game.set_doom_game_path(env.wad)
 
         self._stack = contextlib.ExitStack()
         self._game = self._stack.enter_context(

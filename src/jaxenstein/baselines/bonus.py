@@ -137,12 +137,12 @@ class RunningStats(PyTreeNode):
         return RunningStats(count, self.mean + difference * share, squares)
 
 
-class BonusScale(PyTreeNode):
-    """The running deviation of discounted sums of the bonus, which normalises the bonus.
+class RunningScale(PyTreeNode):
+    """The running deviation of discounted sums of rewards, which normalises them.
 
     Attributes:
         total: float32[N, ...], the sum in each environment, discounted towards the past. It
-            continues across rollouts and the ends of episodes.
+            continues across rollouts.
         stats: statistics of all values of `total`.
     """
 
@@ -150,27 +150,38 @@ class BonusScale(PyTreeNode):
     stats: RunningStats
 
     @classmethod
-    def empty(cls, *shape: int) -> BonusScale:
+    def empty(cls, *shape: int) -> RunningScale:
         """The scale before the first rollout; shape [N, ...]."""
         return cls(jnp.zeros(shape, jnp.float32), RunningStats.empty(shape[1:]))
 
-    def divide(self, bonus: jax.Array, gamma: Any, memory: Any) -> tuple[jax.Array, BonusScale]:
-        """Divide a bonus by the deviation of its discounted sum, including this rollout.
+    def divide(
+        self,
+        rewards: jax.Array,
+        gamma: Any,
+        *,
+        ended: jax.Array | None = None,
+        memory: Any = 1.0,
+        least: float = 1e-8,
+    ) -> tuple[jax.Array, RunningScale]:
+        """Divide rewards by the deviation of their discounted sum, including this rollout.
 
         The mean is not subtracted, as in OpenAI's RND (Burda et al. 2018).
 
         Args:
-            bonus: float32[T, N, ...].
+            rewards: float32[T, N, ...].
             gamma: discount of the sum.
+            ended: bool[T, N, ...], where the sum starts again after a step; None: nowhere.
             memory: the share of its weight that the past keeps.
+            least: the least deviation.
         """
 
-        def add(total: jax.Array, bonus: jax.Array) -> tuple[jax.Array, jax.Array]:
-            total = gamma * total + bonus
-            return total, total
+        def add(total: jax.Array, step: Any) -> tuple[jax.Array, jax.Array]:
+            reward, ended = step
+            total = gamma * total + reward
+            return total if ended is None else jnp.where(ended, 0, total), total
 
-        total, totals = jax.lax.scan(add, self.total, bonus)
+        total, totals = jax.lax.scan(add, self.total, (rewards, ended))
         stats = self.stats.faded(memory).merge(totals)
-        # One deviation for each part of the bonus.
-        deviation = jnp.expand_dims(jnp.maximum(stats.deviation, 1e-8), (0, 1))
-        return bonus / deviation, BonusScale(total, stats)
+        # One deviation for each part.
+        deviation = jnp.expand_dims(jnp.maximum(stats.deviation, least), (0, 1))
+        return rewards / deviation, RunningScale(total, stats)

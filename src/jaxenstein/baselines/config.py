@@ -184,6 +184,8 @@ class Config:
             faster on a CPU or with many parallel runs; `"lax"`: with XLA's convolution; results are
             equal up to rounding.
         bonus_epochs: epochs per rollout that train the bonus.
+        normalise_rewards: learn from rewards divided by the running deviation of their discounted
+            sum in an episode, where it is above 1; reported returns are not divided.
         normalise_bonus: divide the bonus by the running deviation of its discounted sum.
         bonus_values: give ICM and E3B a separate value head for the bonus, as RND always has; if
             false, the bonus is added to the reward.
@@ -219,6 +221,7 @@ class Config:
     dtype: Precision = choice("float32", Precision)
     convolution: Convolution = choice("matmul", Convolution)
     bonus_epochs: int = number(1, 1)
+    normalise_rewards: bool = False
     normalise_bonus: bool = False
     bonus_values: bool = False
     stop_success: float = number(0.0, 0, 1)

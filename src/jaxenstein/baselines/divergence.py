@@ -52,7 +52,8 @@ def guard(
 def _found(state: TrainState, learnt: Metrics) -> jax.Array:
     """int32[]: the parts that are not finite, as bits."""
     ending = lambda end: [value for name, value in learnt.items() if name.endswith(end)]  # noqa: E731
-    parts = (ending(LOSS), ending(GRADIENT), (state.params, state.bonus, state.scale))
+    own = (state.params, state.bonus, state.scale, state.reward_scale)
+    parts = (ending(LOSS), ending(GRADIENT), own)
     bits = [jnp.where(_finite(part), 0, 1 << bit) for bit, part in enumerate(parts)]
     return sum(bits, jnp.int32(0)).astype(jnp.int32)
 

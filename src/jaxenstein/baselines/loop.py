@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from . import divergence, optimiser, ppo
-from .bonus import Bonus, BonusScale, Experience, Metrics
+from .bonus import Bonus, Experience, Metrics, RunningScale
 from .config import Config, HParams
 from .networks import ActorCritic
 from .rollout import Actors, Finals, Steps, Sums, final_values, rollout, start
@@ -51,7 +51,11 @@ class Loop:
         """The state of a run before its first update; `data` is the data of its random key."""
         params_key, bonus_key, env_key, key = jax.random.split(wrap_key(data), 4)
         params, number = self.network.init(params_key), self.config.num_envs
-        scale = BonusScale.empty(number, *self.parts) if self.config.normalise_bonus else None
+        scale, reward_scale = None, None
+        if self.config.normalise_bonus:
+            scale = RunningScale.empty(number, *self.parts)
+        if self.config.normalise_rewards:
+            reward_scale = RunningScale.empty(number)
         return TrainState(
             key=jax.random.key_data(key),
             update=jnp.int32(0),
@@ -59,6 +63,7 @@ class Loop:
             optimiser=optimiser.init(params),
             bonus=self.bonus.init(bonus_key),
             scale=scale,
+            reward_scale=reward_scale,
             recent=jnp.float32(0) if self.config.stop_success else None,
             actors=start(self.simulator, self.network, env_key, number, self.clocks),
             diverged=jnp.int32(0) if self.config.on_divergence == "stop" else None,
@@ -110,8 +115,9 @@ class Loop:
             action=steps.action,
             ended=steps.ended,
         )
-        bonus, state, seen = self.reward(state, hparams, experience)
-        advantages = self.advantages(state.params, hparams, actors, steps, finals, bonus)
+        bonus, state, seen = self.bonuses(state, hparams, experience)
+        rewards, state = self.rewards(state, hparams, steps)
+        advantages = self.advantages(state.params, hparams, actors, rewards, finals, bonus)
         batch = self._batch(state.actors.memory, steps, advantages, hparams)
         recent = self._recent(state.recent, sums)
         left = self._left(state.update, recent)
@@ -137,7 +143,7 @@ class Loop:
             return state, metrics
         return divergence.guard(before, state, learnt | bonus_learnt, metrics)
 
-    def reward(
+    def bonuses(
         self, state: TrainState, hparams: HParams, experience: Experience
     ) -> tuple[jax.Array, TrainState, Metrics]:
         """The scaled bonus of a rollout, float32[T, N, *parts].
@@ -150,8 +156,19 @@ class Loop:
         bonus = jnp.where(ended, 0, bonus.reshape(*batch, *self.parts))
         scale = state.scale
         if scale is not None:
-            bonus, scale = scale.divide(bonus, hparams.bonus_gamma, hparams.bonus_memory)
+            bonus, scale = scale.divide(bonus, hparams.bonus_gamma, memory=hparams.bonus_memory)
         return hparams.bonus_reward * bonus, state.replace(bonus=own, scale=scale), metrics
+
+    def rewards(
+        self, state: TrainState, hparams: HParams, steps: Steps
+    ) -> tuple[Steps, TrainState]:
+        """The steps of a rollout with the rewards to learn from."""
+        if state.reward_scale is None:
+            return steps, state
+        reward, scale = state.reward_scale.divide(
+            steps.reward, hparams.gamma, ended=steps.ended, least=1.0
+        )
+        return steps.replace(reward=reward), state.replace(reward_scale=scale)
 
     def advantages(
         self,

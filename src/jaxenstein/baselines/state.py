@@ -14,7 +14,7 @@ from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
 from ..errors import SettingError
 from ..pytree import PyTreeNode
-from .bonus import PER_ENVIRONMENT, BonusScale
+from .bonus import PER_ENVIRONMENT, RunningScale
 from .config import Config
 from .rollout import Actors
 
@@ -32,6 +32,7 @@ class TrainState(PyTreeNode):
         optimiser: their Adam state.
         bonus: state of the exploration bonus.
         scale: scale of the bonus; None without `normalise_bonus`.
+        reward_scale: scale of the rewards; None without `normalise_rewards`.
         recent: float32[], mean success of recent episodes, fixed once it reaches `stop_success`;
             None without `stop_success`.
         actors: the environments, and the policy's memory in each.
@@ -45,7 +46,8 @@ class TrainState(PyTreeNode):
     params: Any
     optimiser: Any
     bonus: Any
-    scale: BonusScale | None
+    scale: RunningScale | None
+    reward_scale: RunningScale | None
     recent: jax.Array | None
     actors: Actors = dataclasses.field(metadata=PER_ENVIRONMENT)
     diverged: jax.Array | None = None

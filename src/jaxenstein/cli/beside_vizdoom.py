@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from ..adapters.vizdoom import GameSession
+from ..adapters.vizdoom_buffers import picked_image
 from ..episodes.policies import Policy
 from ..episodes.recorder import play
 from ..episodes.session import Session
@@ -50,6 +51,18 @@ def film(policy: Any, seed: int, every: int = 1) -> tuple[Both, str]:
     Returns:
         The pictures, with ours on the left, and both summaries in one line.
     """
+    both = play_both(policy, seed)
+    pictures = [Pictures(part, scale=SCALE, map_size=MAP, every=every) for part in both]
+    return Both(*pictures), "; ".join(part.summary() for part in both)
+
+
+def play_both(policy: Any, seed: int) -> tuple[Episode, Episode]:
+    """An episode here and one in ViZDoom from the same start, with frames of 120x160.
+
+    Args:
+        policy: a trained policy, which sees observations of its own size.
+        seed: seed of both episodes.
+    """
     env, params = policy.env, policy.params
     shown = dataclasses.replace(
         env, observation="rgb", height=HEIGHT, width=WIDTH, autoreset=None, final_observation=False
@@ -59,12 +72,13 @@ def film(policy: Any, seed: int, every: int = 1) -> tuple[Both, str]:
     with GameSession(env, params, seed) as game:
         session.state = game.state
         session.observation = env.observe(session.state, session.params)
-        there = _episode(game, policy, lambda played: played.screen, "ViZDoom")
+        there = _episode(
+            game, policy, lambda played: picked_image(played.screen, (HEIGHT, WIDTH)), "ViZDoom"
+        )
     here = _episode(
         session, policy, lambda played: np.asarray(draw(played.state, played.params)), env.name
     )
-    pictures = [Pictures(part, scale=SCALE, map_size=MAP, every=every) for part in (here, there)]
-    return Both(*pictures), f"{here.summary()}; {there.summary()}"
+    return here, there
 
 
 def _episode(session: Any, policy: Policy, see: Callable[[Any], np.ndarray], name: str) -> Episode:

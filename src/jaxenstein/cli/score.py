@@ -25,9 +25,9 @@ DESCRIPTION = """\
 Read files from 'jaxenstein evaluate --json', and show the mean return of every policy in every task
 with a 95 % bootstrap interval over runs and episodes. Results with the same name belong to the same
 policy; --label sets the name. Greedy and sampled actions are two policies. All policies must have
-the same tasks, and a task must have the same version, settings and params everywhere. With two
+the same tasks, and a task must have the same version, settings and params everywhere. With several
 policies, the command also shows the probability that a run of the first has a higher return than a
-run of the second.
+run of each other.
 
 --reference FILE gives the returns of a random and an expert policy in every task, as JSON:
 {"simple": {"random": 0.1, "expert": 0.9}}. The score of a run is then
@@ -123,13 +123,13 @@ def run(options: argparse.Namespace) -> None:
     elif options.reference is not None:
         reference = read_reference(options.reference)
     summary = None if reference is None else summarised(compared, reference, options.seed)
-    chance = _chance(compared, options.seed)
+    chances = _chances(compared, options.seed)
 
     def write(path: Path) -> None:
-        write_json(path, _report(compared, summary, chance, options.seed))
+        write_json(path, _report(compared, summary, chances, options.seed))
 
     with written_anyway(options.json, write):
-        _print(compared, summary, chance, options.seed, options.suite is not None)
+        _print(compared, summary, chances, options.seed, options.suite is not None)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
         baselines("curves").save_figure(figure, [options.plot])
@@ -148,7 +148,7 @@ def _of_suite(compared: Compared, options: argparse.Namespace) -> Compared:
 def _print(
     compared: Compared,
     summary: Summary | None,
-    chance: Estimate | None,
+    chances: Mapping[str, Estimate],
     seed: int,
     of_suite: bool,
 ) -> None:
@@ -157,11 +157,12 @@ def _print(
     print(end=_notes(compared, of_suite))
     if summary is not None:
         print(f"\n{table_of_aggregates(summary)}")
-    if chance is not None:
-        one, other = compared
+    if chances:
+        print()
+    for other, chance in chances.items():
         print(
-            f"\nprobability that {one} scores higher than {other}: {chance.value:.3f}, "
-            f"95 % {chance.low:.3f} - {chance.high:.3f}"
+            f"probability that {next(iter(compared))} scores higher than {other}: "
+            f"{chance.value:.3f}, 95 % {chance.low:.3f} - {chance.high:.3f}"
         )
 
 
@@ -194,15 +195,17 @@ def summarised(compared: Compared, reference: Mapping[str, Any], seed: int) -> S
     )
 
 
-def _chance(compared: Compared, seed: int) -> Estimate | None:
-    """The probability of improvement; None unless there are two policies."""
+def _chances(compared: Compared, seed: int) -> dict[str, Estimate]:
+    """The probability of improvement of the first policy over each other."""
     from ..comparison import run_returns
     from ..scores import probability_of_improvement
 
-    if len(compared) != 2:
-        return None
-    one, other = (run_returns(mine) for mine in compared.values())
-    return probability_of_improvement(one, other, seed=seed)
+    returns = {policy: run_returns(mine) for policy, mine in compared.items()}
+    first, *others = returns
+    return {
+        other: probability_of_improvement(returns[first], returns[other], seed=seed)
+        for other in others
+    }
 
 
 def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> str:
@@ -260,7 +263,7 @@ def table_of_aggregates(summary: Summary) -> str:
 
 
 def _report(
-    compared: Compared, summary: Summary | None, chance: Estimate | None, seed: int
+    compared: Compared, summary: Summary | None, chances: Mapping[str, Estimate], seed: int
 ) -> dict[str, Any]:
     """The numbers as plain JSON values."""
     from ..intervals import mean_interval
@@ -288,6 +291,7 @@ def _report(
                     name: values.tolist() for name, values in vars(summary.profiles[policy]).items()
                 },
             }
-    if chance is not None:
-        report["probability_of_improvement"] = dataclasses.asdict(chance)
+    report["probability_of_improvement"] = {
+        other: dataclasses.asdict(chance) for other, chance in chances.items()
+    }
     return report

@@ -107,6 +107,9 @@ def prepare(
     height = entry(walls.height, material)
     down = entry(walls.down, material)
     above = jnp.float32(camera.wall - camera.eye) - (0 if lift is None else lift)
+    offset = above * down - 0.5
+    if walls.row is not None:
+        offset = offset + entry(walls.row.astype(np.float32), material)
     half = half_height(seen.edge_depth, camera)
     return TexturedColumns(
         half=half,
@@ -116,7 +119,7 @@ def prepare(
         + seen.texel * height,
         last=height - 1,
         scale=seen.depth * down / jnp.float32(camera.row_focal),
-        offset=above * down - 0.5,
+        offset=offset,
         ray=jnp.stack(rays(heading, camera.at(places.plane))),
         layers=None
         if spots is None

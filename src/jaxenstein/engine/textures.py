@@ -53,7 +53,8 @@ class Materials(PyTreeNode):
     """M pictures on walls, which start at the top of the wall and repeat both ways.
 
     Attributes:
-        first: int32[M], the first texel of the picture in the atlas.
+        first: int32[M], the first texel of the picture in the atlas; a JAX array if it differs
+            between the scenes of one program.
         width: int32[M], in texels, a power of two.
         height: int32[M], in texels, a power of two.
         across: int32[M], texels per tile from left to right.
@@ -64,9 +65,10 @@ class Materials(PyTreeNode):
             None if walls have no ends. Free walls begin at 0 if it is None.
         length: int32[M], the length of the wall in texel columns; None if walls have no ends. The
             length of a free wall follows from `across` if it is None.
+        row: int32[M], the texel row at the top of the wall; None for 0.
     """
 
-    first: np.ndarray
+    first: Array
     width: np.ndarray
     height: np.ndarray
     across: np.ndarray
@@ -74,20 +76,21 @@ class Materials(PyTreeNode):
     offset: np.ndarray
     begin: np.ndarray | None = None
     length: np.ndarray | None = None
+    row: np.ndarray | None = None
 
 
 class Flats(PyTreeNode):
     """Pictures of the ceiling and the floor, in this order, with north at the top.
 
     Attributes:
-        first: int32[2], the first texel of the picture in the atlas.
+        first: int32[2], the first texel of the picture in the atlas, as in `Materials`.
         width: int32[2], in texels, a power of two.
         height: int32[2], in texels, a power of two.
         scale: float32[2, 2], texels per tile along x and along y.
         origin: float32[2, 2], texels added along x and along y.
     """
 
-    first: np.ndarray
+    first: Array
     width: np.ndarray
     height: np.ndarray
     scale: np.ndarray
@@ -98,7 +101,7 @@ class Cutouts(PyTreeNode):
     """S pictures of billboards, of any size and with transparent texels, in C columns in total.
 
     Attributes:
-        first: int32[S], the first texel of the picture in the atlas.
+        first: int32[S], the first texel of the picture in the atlas, as in `Materials`.
         width: int32[S], texels from one side of the billboard to the other.
         height: int32[S], in texels.
         half_width: float32[S], tiles from the middle to either side.
@@ -116,7 +119,7 @@ class Cutouts(PyTreeNode):
         blend: int32[S], `COVER`, `ADD` or `MEAN`; None if all pictures cover what is behind them.
     """
 
-    first: np.ndarray
+    first: Array
     width: np.ndarray
     height: np.ndarray
     half_width: np.ndarray
@@ -143,7 +146,7 @@ class Stamps(PyTreeNode):
         sway: by how much pictures are moved: to either side at most, and down at least and at most.
     """
 
-    first: np.ndarray
+    first: Array
     width: np.ndarray
     height: np.ndarray
     column: np.ndarray
@@ -154,7 +157,7 @@ class Stamps(PyTreeNode):
 
 
 class Textures(PyTreeNode):
-    """The pictures of a `scene.Theme` in numpy, which are constants of the program.
+    """The pictures of a `scene.Theme` in numpy, which are constants of the program but for `first`.
 
     Attributes:
         atlas: uint32[SHADES * T + E], packed colours; texel t in shade s is at s * T + t.

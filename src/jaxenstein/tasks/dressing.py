@@ -53,7 +53,9 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
     count = len(theme.wall_colours)
     walls = [_wall(theme, label, own.get(label)) for label in range(count)]
     flats = [_ceiling(theme, own.get(CEILING)), _floor(theme, own.get(FLOOR))]
-    things = [_thing(theme, i, own.get(int(label))) for i, label in enumerate(theme.sprite_labels)]
+    things = [
+        thing_picture(theme, i, own.get(int(label))) for i, label in enumerate(theme.sprite_labels)
+    ]
     pictures = _shared([*walls, *flats, *(rgba[..., :3] for rgba in things)])
     texels = sum({id(p): p.shape[0] * p.shape[1] for p in pictures}.values())
     if texels > MOST_TEXELS:
@@ -95,7 +97,7 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
         flats=Flats(
             first[count : count + 2], *sides_of(flats), scales, np.zeros((2, 2), np.float32)
         ),
-        cutouts=_cutouts(theme, things, first[count + 2 :], own),
+        cutouts=square_cutouts(theme, things, first[count + 2 :], own),
     )
     return theme.replace(textures=textures)
 
@@ -196,7 +198,7 @@ def _ceiling(theme: Theme, own: Picture | None) -> np.ndarray:
     return _rounded(colour[None, None]) if own is None else _over(own, colour)
 
 
-def _thing(theme: Theme, picture: int, own: Picture | None) -> np.ndarray:
+def thing_picture(theme: Theme, picture: int, own: Picture | None = None) -> np.ndarray:
     """uint8[height, width, 4]: the picture of a billboard of the theme."""
     if own is not None:
         return own.pixels
@@ -207,9 +209,10 @@ def _thing(theme: Theme, picture: int, own: Picture | None) -> np.ndarray:
     return np.concatenate([_rounded(colour), alpha[..., None]], axis=-1)
 
 
-def _cutouts(
+def square_cutouts(
     theme: Theme, things: list[np.ndarray], first: np.ndarray, own: Mapping[int, Picture]
 ) -> Cutouts:
+    """The table of billboards; those without an image of your own are the theme's squares."""
     labels = np.asarray(theme.sprite_labels).tolist()
     shapes = [own[label].shape if label in own else 1.0 for label in labels]
     if not things:

@@ -67,7 +67,8 @@ class FirstPerson(Environment[S, P]):
         look: the look of walls, floor and ceiling: `"plain"`, in one colour each; `"patterned"`,
             with patterns such as bricks and boards; `"random"`, with colours and patterns drawn at
             each reset. Doors, things, depth and labels do not depend on these. `"game"`, in most
-            scenarios of Doom, shows the game's own pictures, and the eye bobs.
+            scenarios of Doom, shows the game's own pictures, and the eye bobs. Scenarios of Doom
+            have their own random look.
         look_range: strength of random looks: from 0, as patterned, to 1, any colours.
         look_seeds: seeds of random looks: None for all seeds, or (first, stop).
         textures: None, or images of walls, floor, ceiling and things: a folder with files such as
@@ -128,13 +129,17 @@ class FirstPerson(Environment[S, P]):
             return scene
         if self.look == "patterned":
             return scene.replace(theme=patterned(scene.theme))
+        theme = randomised(scene.theme, self.look_seed(state), float(self.look_range))
+        return scene.replace(theme=theme)
+
+    def look_seed(self, state: S) -> jax.Array:
+        """uint32[]: the seed of a random look."""
         if state.look is None:
             raise SettingError(
                 "look='random' needs a state from reset or first_state, which has a seed for the "
                 "look, not one from init_state"
             )
-        theme = randomised(scene.theme, state.look, float(self.look_range))
-        return scene.replace(theme=theme)
+        return state.look
 
     def tilemap_of(self, state: S) -> TileMap:
         """The map of a state (one, not a batch), on the host, for people.

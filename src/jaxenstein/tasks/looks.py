@@ -58,7 +58,7 @@ def randomised(theme: Theme, seed: jax.Array, share: float) -> Theme:
     """
     theme = patterned(theme)
     # Per wall: a colour, whether its pattern is drawn, and which. Two more rows for the rest.
-    drawn = _hashed(seed, 5 * (_WALLS + 2)).reshape(_WALLS + 2, 5)
+    drawn = hashed(seed, 5 * (_WALLS + 2)).reshape(_WALLS + 2, 5)
     unit = sample_unit(drawn)
     colours = jnp.float32(DARKEST) + unit[:, :3] * jnp.float32(BRIGHTEST - DARKEST)
     walls, floor, ceiling = colours[:_WALLS], colours[_WALLS], colours[_WALLS + 1]
@@ -97,7 +97,7 @@ def _below(unit: jax.Array, count: int) -> jax.Array:
     return (unit * jnp.float32(count)).astype(jnp.int32)
 
 
-def _hashed(seed: jax.Array, count: int) -> jax.Array:
+def hashed(seed: jax.Array, count: int) -> jax.Array:
     """uint32[count] pseudo-random words from a seed, at the cost of a few instructions.
 
     They are needed in every step, where JAX's generators would be noticeably slower.

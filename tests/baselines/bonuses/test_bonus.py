@@ -16,7 +16,7 @@ pytest.importorskip("flax")
 
 from jaxenstein.baselines import PER_ENVIRONMENT, Config, Experience, HParams, register_bonus
 from jaxenstein.baselines import config as table
-from jaxenstein.baselines.bonus import BonusScale, RunningStats
+from jaxenstein.baselines.bonus import RunningScale, RunningStats
 from jaxenstein.baselines.state import per_environment
 from jaxenstein.cli import main
 from jaxenstein.errors import SettingError
@@ -161,7 +161,7 @@ def test_loop_zeroes_scales_and_weighs_a_bonus(
         raw, _, _ = loop.bonus.reward(state.bonus, numbers, data)
         ended = np.asarray(data.ended).reshape(STEPS, BATCH, *(1 for _ in loop.parts))
         raw = np.asarray(raw).reshape(STEPS, BATCH, *loop.parts) * ~ended
-        result, state, _ = loop.reward(state, numbers, data)
+        result, state, _ = loop.bonuses(state, numbers, data)
         for row in raw:
             total = 0.9 * total + row
             totals.append(total)
@@ -178,9 +178,9 @@ def initial_train_state(loop: Any) -> Any:
     from jaxenstein.baselines.state import TrainState
 
     nothing: Any = None
-    scale = BonusScale.empty(BATCH, *loop.parts)
+    scale = RunningScale.empty(BATCH, *loop.parts)
     return TrainState(
-        nothing, nothing, nothing, nothing, loop.bonus.init(KEY), scale, None, nothing
+        nothing, nothing, nothing, nothing, loop.bonus.init(KEY), scale, None, None, nothing
     )
 
 
@@ -266,13 +266,31 @@ def test_empty_statistics_are_harmless() -> None:
 
 def test_decaying_bonus_scale_weighs_rollouts_by_age() -> None:
     rng = np.random.default_rng(2)
-    scale, rollouts = BonusScale.empty(3), []
+    scale, rollouts = RunningScale.empty(3), []
     for size in (100.0, 1.0, 1.0, 1.0):
         values = rng.exponential(size, (5, 3)).astype(np.float32)
-        result, scale = scale.divide(jnp.asarray(values), 0.0, 0.5)
+        result, scale = scale.divide(jnp.asarray(values), 0.0, memory=0.5)
         rollouts.append(values)
         weights = np.repeat(0.5 ** np.arange(len(rollouts))[::-1], values.size)
         every = np.concatenate([rollout.ravel() for rollout in rollouts])
         mean = np.average(every, weights=weights)
         deviation = np.sqrt(np.average((every - mean) ** 2, weights=weights))
         np.testing.assert_allclose(result, values / deviation, rtol=1e-4)
+
+
+@pytest.mark.parametrize("size", [0.01, 50.0])
+def test_only_rewards_with_large_discounted_sums_are_divided(size: float) -> None:
+    rng = np.random.default_rng(3)
+    scale, total, totals = RunningScale.empty(2), np.zeros(2), []
+    for _ in range(3):
+        rewards = (size * rng.normal(1, 1, (20, 2))).astype(np.float32)
+        ended = rng.random((20, 2)) < 0.1
+        result, scale = scale.divide(
+            jnp.asarray(rewards), jnp.float32(0.9), ended=jnp.asarray(ended), least=1.0
+        )
+        for reward, end in zip(rewards, ended, strict=True):
+            total = 0.9 * total + reward
+            totals.append(total)
+            total = np.where(end, 0, total)
+        np.testing.assert_allclose(result, rewards / max(np.std(totals), 1), rtol=1e-4)
+    np.testing.assert_allclose(scale.total, total, rtol=1e-5)

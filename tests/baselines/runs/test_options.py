@@ -112,8 +112,9 @@ def test_defaults_match_the_paper() -> None:
     assert (icm["icm_latent"], icm["icm_hidden"], config.bonus_epochs) == (128, 256, 1)
 
 
+@pytest.mark.parametrize("recipe", ["tuned", "long"])
 @pytest.mark.parametrize("algo", ["ppo", "icm", "rnd", "e3b"])
-def test_given_options_override_recipes(algo: str) -> None:
+def test_given_options_override_recipes(algo: str, recipe: str) -> None:
     def flat(**given: Any) -> dict[str, Any]:
         experiment = resolve({"height": 16, "width": 16, "algo": algo, **given})
         return {**experiment.config.flat(), **experiment.hparams}
@@ -121,12 +122,12 @@ def test_given_options_override_recipes(algo: str) -> None:
     paper = flat()
     assert flat(recipe="paper") == paper
     assert paper == {**Config(algo=algo).flat(), **HParams.of(algo, {}).flat()}
-    tuned = {**RECIPES["tuned"]["*"], **RECIPES["tuned"].get(algo, {})}
-    network = tuned.pop("network")
-    assert flat(recipe="tuned") == {**paper, **NETWORKS[network], **tuned}
-    given = {"recipe": "tuned", "network": "small", "head": 8, "anneal": True, "clip": 0.1}
+    values = {**RECIPES[recipe]["*"], **RECIPES[recipe].get(algo, {})}
+    network = values.pop("network")
+    assert flat(recipe=recipe) == {**paper, **NETWORKS[network], **values}
+    given = {"recipe": recipe, "network": "small", "head": 8, "anneal": True, "clip": 0.1}
     sizes = {**NETWORKS["small"], "head": 8}
-    assert flat(**given) == {**paper, **tuned, **sizes, "anneal": True, "clip": 0.1}
+    assert flat(**given) == {**paper, **values, **sizes, "anneal": True, "clip": 0.1}
     assert flat(network="tiny") == {**paper, **NETWORKS["tiny"]}
 
 
@@ -137,7 +138,9 @@ def test_recipe_and_network_are_saved() -> None:
     assert plain["hparams"]["learning_rate"] == 1e-3
     assert Experiment.from_json(plain) == experiment == resolve(given_by(experiment))
     plain["presets"] = {"recipe": "tunned"}
-    with pytest.raises(SettingError, match="recipe must be one of 'paper', 'tuned', not 'tunned'"):
+    with pytest.raises(
+        SettingError, match="recipe must be one of 'paper', 'tuned', 'long', not 'tunned'"
+    ):
         Experiment.from_json(plain)
 
 
@@ -165,7 +168,10 @@ def test_alias_gives_the_same_experiment() -> None:
         ({"rnd_hiden": 8}, "unknown option 'rnd_hiden', did you mean 'rnd_hidden"),
         ({"num_envs": 6}, "num_envs must be a multiple of minibatches"),
         ({"clip": 0}, "clip must be a finite number above 0, not 0"),
-        ({"recipe": "tunned"}, "one of 'paper', 'tuned', not 'tunned', did you mean 'tuned'"),
+        (
+            {"recipe": "tunned"},
+            "one of 'paper', 'tuned', 'long', not 'tunned', did you mean 'tuned'",
+        ),
         ({"params": 3}, "params must be a table of names and values, not 3"),
         ({"params": {"discout": 3}}, "unknown param 'discout', did you mean 'discount'"),
         ({"horizon": 0}, "horizon must be a whole number >= 1, not 0"),

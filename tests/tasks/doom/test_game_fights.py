@@ -104,7 +104,7 @@ def test_things_and_weapon_are_drawn_as_in_the_game(pictures: Wad) -> None:
     """Sides, mirrors, another green, light, flash, sums and means, and what hides what."""
     draw = np.random.default_rng(0)
     environment = DoomBasic(height=SIZE[0], width=SIZE[1])
-    textures, views = game_pictures(str(pictures.path), "basic", LOOKS, WEAPON, environment.unit)
+    textures, views = game_pictures(str(pictures.path), "basic", LOOKS, (WEAPON,), environment.unit)
     theme = views.themed(environment.theme, np.zeros(len(LOOKS), int))
     theme = theme.replace(textures=textures.replace(sampling=sampling(*SIZE)))
     count = 8
@@ -137,7 +137,7 @@ def test_things_and_weapon_are_drawn_as_in_the_game(pictures: Wad) -> None:
             things = []
             for look, (x, y), turn in zip(looks.tolist(), places.tolist(), facing, strict=True):
                 side = side_of(pose, (x, y), int(turn))
-                picture = dressed(LOOKS[look].sprite, sprites[look][side])
+                picture = dressed(LOOKS[look], sprites[look][side])
                 z, bright = LOOKS[look].height * ONE, LOOKS[look].bright
                 things.append(Thing(picture, x, y, z, bright, BLENDS[look]))
             weapons = [
@@ -174,7 +174,7 @@ def test_the_pistol_fires_as_in_the_game() -> None:
     look, guns, lights = WEAPON_LOOKS["pistol"], "", []
     for tics in range(20):
         trigger = Trigger(jnp.int32(tics), jnp.bool_(False), jnp.int32(9), jnp.int32(0))
-        shown, glare = held(look, trigger, jnp.float32(8), jnp.int32(40))
+        shown, glare = held((look,), trigger, jnp.float32(8), jnp.int32(40))
         guns += look.pictures()[int(shown.picture[1])][1]
         lights.append(int(glare))
         assert bool(shown.shown[0]) == (4 <= tics <= 10)
@@ -189,7 +189,9 @@ def test_the_pistol_fires_as_in_the_game() -> None:
 def test_the_pistol_is_raised_as_in_the_game() -> None:
     trigger = Trigger(jnp.int32(19), jnp.bool_(False), jnp.int32(9), jnp.int32(0))
     rows = [
-        float(held(WEAPON_LOOKS["pistol"], trigger, jnp.float32(0), jnp.int32(tic))[0].place[0, 1])
+        float(
+            held((WEAPON_LOOKS["pistol"],), trigger, jnp.float32(0), jnp.int32(tic))[0].place[0, 1]
+        )
         for tic in range(10, 17)
     ]
     assert rows == [62, 56, 50, 44, 38, 32.375, 32.375]

@@ -81,7 +81,7 @@ def game_map() -> GameMap:
 def ours(pictures: Wad, height: int, width: int) -> np.ndarray:
     """uint8[poses, height, width, 3]."""
     env = DoomDefendTheCenter(height=height, width=width)
-    textures = game_pictures(str(pictures.path), MAP, (Look("ARM1"),), None, env.unit)[0]
+    textures = game_pictures(str(pictures.path), MAP, (Look("ARM1"),), (), env.unit)[0]
     theme = env.theme.replace(textures=textures.replace(sampling=sampling(height, width)))
     level = env.level.replace(free_walls=free_walls(env.doom_map, env.tiles))
 

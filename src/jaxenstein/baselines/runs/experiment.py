@@ -22,7 +22,7 @@ from ..state import IMPLEMENTATION
 FORMAT = 1
 # The maximum number of seeds. All are trained in parallel; more would fill the memory.
 MOST_SEEDS = 100_000
-RecipeName = Literal["paper", "tuned"]
+RecipeName = Literal["paper", "tuned", "long"]
 NetworkName = Literal["paper", "small", "tiny"]
 
 
@@ -36,9 +36,10 @@ class Experiment:
         hparams: the hyperparameters by name; None leaves a value to the environment.
         seeds: every point of the grid has one run for each seed.
         grid: (name, values) of the hyperparameters that differ between runs.
-        recipe: a set of defaults: paper, or tuned, which learns faster.
+        recipe: a set of defaults: paper; tuned, which learns faster; or long, which is tuned for
+            long episodes and large rewards.
         network: default sizes of the network: paper: 256 units; small: 64 units and small
-            convolutions; tiny: 64 units and one layer of patches; recipe tuned uses tiny.
+            convolutions; tiny: 64 units and one layer of patches; tuned and long use tiny.
     """
 
     environment: Spec

@@ -50,36 +50,39 @@ _OWN_VALUES = {
     "bonus_advantage": 0.3,
     "entropy": 0.003,
 }
+_TUNED: Mapping[str, Mapping[str, Any]] = {
+    "*": {
+        "network": "tiny",
+        "num_envs": 64,
+        "rollout": 128,
+        "gamma": 0.99,
+        "epochs": 2,
+        "learning_rate": 1e-3,
+        "anneal": False,
+        "value_clip": 10.0,
+        "zero_values": True,
+        "contrast": 10.0,
+        "advantage_floor": 0.01,
+    },
+    "rnd": {
+        "normalise_bonus": True,
+        "bonus_memory": 0.9,
+        "bonus_learning_rate": 1e-4,
+        "bonus_advantage": 0.3,
+        "entropy": 0.003,
+        # With contrast 10 and frame skips 3 and 1, policies stay at lasting sources of novelty.
+        "contrast": 0.0,
+    },
+    "icm": _OWN_VALUES,
+    "e3b": {**_OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True},
+}
+_LONG = {"gamma": 0.997, "gae_lambda": 0.98, "bonus_gamma": 0.99, "normalise_rewards": True}
 # The defaults of each recipe that differ from the paper: for all algorithms ("*"), then for one.
 # docs/ablations.md has the measurements.
 RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
-    "tuned": {
-        "*": {
-            "network": "tiny",
-            "num_envs": 64,
-            "rollout": 128,
-            "gamma": 0.99,
-            "epochs": 2,
-            "learning_rate": 1e-3,
-            "anneal": False,
-            "value_clip": 10.0,
-            "zero_values": True,
-            "contrast": 10.0,
-            "advantage_floor": 0.01,
-        },
-        "rnd": {
-            "normalise_bonus": True,
-            "bonus_memory": 0.9,
-            "bonus_learning_rate": 1e-4,
-            "bonus_advantage": 0.3,
-            "entropy": 0.003,
-            # With contrast 10 and frame skips 3 and 1, policies stay at lasting sources of novelty.
-            "contrast": 0.0,
-        },
-        "icm": _OWN_VALUES,
-        "e3b": {**_OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True},
-    },
+    "tuned": _TUNED,
+    "long": {**_TUNED, "*": {**_TUNED["*"], **_LONG}},
 }
 
 

@@ -17,12 +17,10 @@ from ...environment import Info
 from ...pytree import PyTreeNode
 from .collision import along, first_body
 from .fixed import byte, spread
-from .game_weapon import WEAPON_LOOKS, WeaponLook
+from .game_weapon import RAISE_TICS, SWITCH_TICS, WEAPON_LOOKS, WeaponLook
 from .parts import Game, Part
 from .weapons import Slot, Trigger, Weapon, pull
 
-SWITCH_TICS, RAISE_TICS = 30, 15
-"""Tics from selecting a weapon to its first possible shot, and how many of them raise it."""
 SELECT = tuple(f"weapon {number}" for number in range(1, 7))
 NEXT_WEAPON, PREVIOUS_WEAPON = "next weapon", "previous weapon"
 SWITCHING = (*SELECT, NEXT_WEAPON, PREVIOUS_WEAPON)
@@ -251,9 +249,10 @@ class Arsenal(Part):
         return jnp.sum(jnp.where(hit, damage[:, None], 0), axis=0, dtype=jnp.int32)
 
     @property
-    def weapon_look(self) -> WeaponLook | None:
-        """The game's pictures of its only weapon; None for one that never fires."""
-        return WEAPON_LOOKS[self.slots[0].weapon.name] if self.most else None
+    def weapon_looks(self) -> tuple[WeaponLook, ...]:
+        """The game's pictures of its weapons; none of one that never fires."""
+        names = [slot.weapon.name for slot in self.slots if self.most]
+        return tuple(WEAPON_LOOKS[name] for name in names)
 
     def show(self, image: jax.Array, state: Any, kind: ImageKind) -> jax.Array:
         """Draw the weapon in the player's hands onto an image."""

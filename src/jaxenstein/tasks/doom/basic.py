@@ -24,6 +24,7 @@ from .arsenal import Arsenal
 from .fixed import ONE
 from .game_things import Look, Shown
 from .monster_kinds import CACODEMON
+from .monster_looks import TARGET
 from .motion import moved
 from .parts import Game, GameObject, Health, Part, Sprites
 from .physics import ATTACK, MOVE_LEFT, MOVE_RIGHT
@@ -84,7 +85,7 @@ class Target(Part):
     @property
     def looks(self) -> tuple[Look, ...]:
         """The game's pictures of the monster alive and hit."""
-        return tuple(Look("HEAD", letter, picture=i) for i, letter in enumerate("AG"))
+        return TARGET
 
     def sprites(self, state: DoomBasicState) -> Sprites:
         """The monster, alive or dead."""

@@ -17,6 +17,7 @@ from ...players.chance import NO_OP
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, offsets, segments
+from .drops import Drops
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import ONE
 from .items import Goal
@@ -36,6 +37,8 @@ from .weapons import PISTOL, SHOOTING, Slot
 # The game's numbers of the kinds of monsters; the eighth of a turn in which those of a side look.
 _KINDS = {3004: ZOMBIE, 9: SHOTGUN_GUY, 65: CHAINGUN_GUY}
 _SOUTH_WEST, _NORTH_WEST = 5, 3
+# How far the things that monsters drop can get from them, between rails and walls, in map units.
+_ROOM = 44, 12
 # The player cannot move in the first tics of the game; the distance along the corridor, in map
 # units, at which the player `storm` shoots at monsters.
 _FROZEN, _STORMS = 7, 420
@@ -65,9 +68,12 @@ class DoomCorridorState(FightState):
 
     Attributes:
         taken: bool[], whether the armour was reached; the next tic ends the episode.
+        drops: int32[6, 2], with `look="game"` how far the thing that each monster drops gets from
+            it, map units in 16.16; else None.
     """
 
     taken: jax.Array
+    drops: jax.Array | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -118,14 +124,20 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         return Arsenal([Slot(PISTOL)], shots=52, raise_tics=15)
 
     @functools.cached_property
+    def drops(self) -> Drops:
+        """What monsters drop."""
+        return Drops(self.horde, _ROOM)
+
+    @functools.cached_property
     def goal(self) -> Goal:
         """The armour."""
         return Goal((self.goals[0] * ONE).astype(np.int32))
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Health, weapon, monsters, armour."""
-        return Health(FULL_HEALTH), self.arsenal, self.horde, self.goal
+        """Health, weapon, monsters, armour; with `look="game"` what monsters drop."""
+        drops = (self.drops,) if self.look == "game" else ()
+        return Health(FULL_HEALTH), self.arsenal, self.horde, self.goal, *drops
 
     def init_state(self, key: jax.Array, params: DoomCorridorParams) -> DoomCorridorState:
         """The monsters of the map, which look for the player now and then."""
@@ -141,6 +153,9 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
                 self, asleep(self.horde, (spots * ONE).astype(np.int32), facing, health, bits)
             ),
             taken=jnp.bool_(False),
+            drops=self.drops.sample(jax.random.bits(jax.random.fold_in(key, 1), (count, 2)))
+            if self.look == "game"
+            else None,
         )
 
     def transition(

@@ -16,6 +16,7 @@ from ...params import Params, Scalar, number
 from ..draws import random_bits, sample_index
 from .arsenal import SELECT, SWITCHING, Arms, Arsenal
 from .collision import segments
+from .deathmatch_look import SCENERY, Fog, Fogs, Scenery
 from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .fixed import ONE
 from .items import ITEMS, MOST_ARMOUR, MOST_HEALTH, TAKING, Armour, Items
@@ -99,6 +100,7 @@ class DoomMatchState(FightState):
         armour: int32[], the damage that it can still absorb, 0 to 200.
         armour_share: int32[], the fraction of damage that it absorbs, in 65536ths.
         items: bool[M], which things are present.
+        fogs: with `look="game"`, the fog in which monsters appear; else None.
     """
 
     fireballs: Projectiles
@@ -107,6 +109,7 @@ class DoomMatchState(FightState):
     armour: jax.Array
     armour_share: jax.Array
     items: jax.Array
+    fogs: Fogs | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -121,6 +124,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     sprite_layers: int = 4
 
     params_class: ClassVar[type[Params]] = DoomMatchParams
+    takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (
         ATTACK,
         "speed",
@@ -144,7 +148,8 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         """The monsters, which fight each other too."""
         kinds = [kind for kind, _, _, count in _HORDE for _ in range(count)]
         walls = segments(self.doom_map.walls)
-        return Horde(kinds, walls=walls, opaque=walls, infighting=True)
+        pictured = self.look == "game"
+        return Horde(kinds, walls=walls, opaque=walls, infighting=True, pictured=pictured)
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
@@ -155,8 +160,9 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     @functools.cached_property
     def items(self) -> Items:
         """The things to pick up."""
-        found = [ITEMS[thing.kind] for thing in self.doom_map.things]
-        places = np.array([(thing.x, thing.y) for thing in self.doom_map.things])
+        lying = [thing for thing in self.doom_map.things if thing.kind not in SCENERY]
+        found = [ITEMS[thing.kind] for thing in lying]
+        places = np.array([(thing.x, thing.y) for thing in lying])
         return Items(found, (places * ONE).astype(np.int32), self.arsenal)
 
     @functools.cached_property
@@ -167,18 +173,27 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     @functools.cached_property
     def fireballs(self) -> Missiles:
         """The fireballs of hell knights."""
-        return fireballs(8)
+        return fireballs(8, pictured=self.look == "game", knights=True)
 
     @functools.cached_property
     def rockets(self) -> Missiles:
         """The player's rockets."""
-        return rockets()
+        return rockets(pictured=self.look == "game")
+
+    @functools.cached_property
+    def fog(self) -> Fog:
+        """The fog in which monsters appear."""
+        return Fog(4)
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Health, armour, weapons, monsters, fireballs, things to pick up, rockets."""
+        """Health, armour, weapons, monsters, fireballs, things to pick up, rockets.
+
+        With `look="game"` also fog and scenery.
+        """
         player = Health(MOST_HEALTH), self.armour, self.arsenal
-        return *player, self.horde, self.fireballs, self.items, self.rockets
+        more = (self.fog, Scenery(self.doom_map.things)) if self.look == "game" else ()
+        return *player, self.horde, self.fireballs, self.items, self.rockets, *more
 
     @functools.cached_property
     def limits(self) -> dict[str, int]:
@@ -220,6 +235,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
             armour=jnp.int32(0),
             armour_share=jnp.int32(0),
             items=jnp.ones(len(self.items.places), bool),
+            fogs=self.fog.none() if self.look == "game" else None,
         )
 
     def transition(
@@ -256,10 +272,13 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         chances = jnp.where(due, _CHANCES * params.crowd, 0)
         health = self.horde.healthy(params.monster_health)
         bits = random_bits(key, words(self.horde))
-        monsters, _ = invaded(
+        monsters, comes = invaded(
             self.horde, state.monsters, state.fixed_position, chances, _SQUARE, health, bits
         )
-        return state.replace(monsters=monsters)
+        fogs = state.fogs
+        if fogs is not None:
+            fogs = self.fog.added(fogs, comes, monsters.position)
+        return state.replace(monsters=monsters, fogs=fogs)
 
     # For the player `hunt`.
 

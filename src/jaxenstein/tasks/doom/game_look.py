@@ -86,7 +86,7 @@ class GamePictures(NamedTuple):
 
 @functools.cache
 def game_pictures(
-    path: str, map_name: str, looks: tuple[Look, ...], weapon: WeaponLook | None, unit: int
+    path: str, map_name: str, looks: tuple[Look, ...], weapons: tuple[WeaponLook, ...], unit: int
 ) -> GamePictures:
     """The pictures of a scenario, from a WAD file.
 
@@ -94,7 +94,7 @@ def game_pictures(
         path: the file.
         map_name: the name of the map.
         looks: of the things.
-        weapon: the player's weapon, if it is shown.
+        weapons: the player's weapons, if they are shown.
         unit: map units a tile.
 
     Raises:
@@ -103,13 +103,14 @@ def game_pictures(
     wad, doom_map = Wad(path), load_map(map_name)
     tiles = tiled(doom_map, unit)
     papers = {name: _paper(wad, name) for name in {wall.texture for wall in doom_map.walls}}
-    flats = {name: wad.flat(name) for name in doom_map.flats}
+    flats = {name: _plane(wad, name) for name in doom_map.flats}
     views = read_views(wad, looks)
     shown = [looks[number] for number in views.look]
     things = kept_once(views.pictures)
-    stamps = [] if weapon is None else read_stamps(wad, weapon)
+    stamps = read_stamps(wad, weapons)
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]
+    widths, heights = sides_of(planes)
     colours = _colours(wad)
 
     def paint(picture: np.ndarray, shade: int) -> np.ndarray:
@@ -135,10 +136,13 @@ def game_pictures(
         of_face=wall_rows(doom_map, tiles),
         flats=Flats(
             first[count : count + 2],
-            *sides_of(planes),
+            widths,
+            heights,
             scale=np.full((2, 2), unit, np.float32),
             # The world's grid, in which x grows eastwards from 0, and rows southwards.
-            origin=np.array([(tiles.west % 64, -tiles.north % 64)] * 2, np.float32),
+            origin=np.stack([tiles.west % widths, -tiles.north % heights], axis=1).astype(
+                np.float32
+            ),
         ),
         cutouts=cutouts,
         extra=len(whole) - len(atlas),
@@ -166,6 +170,11 @@ def _colours(wad: Wad) -> np.ndarray:
     """uint32[shades, 256]: the packed colour of each index of the palette under each light."""
     palette = np.moveaxis(wad.palette(), -1, 0).astype(np.float32)
     return pack_rgb(list(palette), np.float32(1))[wad.colormap()]
+
+
+def _plane(wad: Wad, name: str) -> np.ndarray:
+    """int[height, width]: a flat or, as in the game, a wall's texture on floor or ceiling."""
+    return wad.flat(name) if name in wad.names("F") else _paper(wad, name)
 
 
 def _paper(wad: Wad, name: str) -> np.ndarray:

@@ -35,18 +35,20 @@ def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bo
     Raises:
         SettingError: `look`, `wad` or `samples` does not fit.
     """
-    if look not in ("plain", "game") and not takes_patterns:
+    if look == "patterned" and not takes_patterns:
         raise SettingError(
-            "look must be 'plain' or 'game' in Doom's scenarios, whose tiles are too small for "
-            f"patterns, not {look!r}"
+            "look must be 'plain', 'random' or 'game' in Doom's scenarios, whose tiles are too "
+            f"small for patterns, not {look!r}"
         )
-    if look == "game":
-        return
-    for name, given, default in ("wad", wad, None), ("samples", samples, 1):
-        if given != default:
+    on_screen = ("game",) if takes_patterns else ("game", "random")
+    for name, given, default, looks in (
+        ("wad", wad, None, ("game",)),
+        ("samples", samples, 1, on_screen),
+    ):
+        if given != default and look not in looks:
             raise SettingError(
-                f"{name} needs look='game': set that too, not {name}={quoted(given)} with "
-                f"look={quoted(look)}"
+                f"{name} needs look={' or '.join(map(repr, looks))}: set that too, not "
+                f"{name}={quoted(given)} with look={quoted(look)}"
             )
 
 
@@ -62,7 +64,7 @@ class GameLook:
         looks: the game's pictures of the things, part by part; each `picture` is a row of the
             plain theme.
         views: the rows of `theme` that each look has.
-        weapon: the game's pictures of the player's weapon, if the game shows it.
+        weapons: the game's pictures of the player's weapons, if the game shows any.
         first_tic: the game's count of tics at the first observation.
     """
 
@@ -72,7 +74,7 @@ class GameLook:
     theme: Theme
     looks: tuple[Look, ...]
     views: Views
-    weapon: WeaponLook | None
+    weapons: tuple[WeaponLook, ...]
     first_tic: int
 
     def dressed(self, scene: Scene, state: DoomState) -> Scene:
@@ -82,11 +84,13 @@ class GameLook:
         scene = scene.replace(
             level=self.level, heading=heading, sprites=self.sprites(state), theme=self.theme
         )
-        if self.weapon is None:
+        if not self.weapons:
             return scene
         assert state.gait is not None
         trigger, swing = getattr(state, "trigger"), bob_swing(state.gait[1])  # noqa: B009
-        over, glare = held(self.weapon, trigger, swing, game_tic(state, self.first_tic))
+        selected = getattr(state, "arms").selected if len(self.weapons) > 1 else None  # noqa: B009
+        tic = game_tic(state, self.first_tic)
+        over, glare = held(self.weapons, trigger, swing, tic, selected)
         return scene.replace(held=over, glare=glare)
 
     def sprites(self, state: DoomState) -> Sprites:
@@ -131,8 +135,8 @@ def read_game_look(
         WadError: the file is not a WAD file, is damaged, or lacks a picture.
     """
     map_name, doom_map = walls
-    looks, weapon = _looks(parts), _weapon_look(parts)
-    textures, views = game_pictures(str(find_iwad(wad)), map_name, looks, weapon, tiles.unit)
+    looks, weapons = _looks(parts), tuple(one for part in parts for one in part.weapon_looks)
+    textures, views = game_pictures(str(find_iwad(wad)), map_name, looks, weapons, tiles.unit)
     rows = np.array([look.picture for look in looks])
     return GameLook(
         parts=parts,
@@ -143,7 +147,7 @@ def read_game_look(
         ),
         looks=looks,
         views=views,
-        weapon=weapon,
+        weapons=weapons,
         first_tic=first_tic,
     )
 
@@ -154,8 +158,3 @@ def _looks(parts: Sequence[Part]) -> tuple[Look, ...]:
         looks += [dataclasses.replace(one, picture=one.picture + first) for one in part.looks]
         first += sum(len(thing.pictures) for thing in part.objects)
     return tuple(looks)
-
-
-def _weapon_look(parts: Sequence[Part]) -> WeaponLook | None:
-    looks = [part.weapon_look for part in parts]
-    return next((look for look in looks if look is not None), None)

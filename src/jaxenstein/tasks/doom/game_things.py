@@ -33,6 +33,7 @@ class Look:
         height: of the thing above the floor, in map units.
         picture: the picture that shows the thing in images of labels and depth, counted over the
             part's objects.
+        green: whether a marine keeps the green of the picture, as the player does.
     """
 
     sprite: str
@@ -41,6 +42,7 @@ class Look:
     blend: int = COVER
     height: int = 0
     picture: int = 0
+    green: bool = False
 
 
 class Shown(NamedTuple):
@@ -114,7 +116,8 @@ def falling(*frames: Frame) -> tuple[Frame, ...]:
     return tuple(replace(frame, height=z) for frame, z in zip(frames, heights, strict=True))
 
 
-_BOTTLE = [Frame(letter) for letter in "ABCDCB" for _ in range(6)]
+_SWAY = [Frame(letter, 6) for letter in "ABCDCB"]
+_BOTTLE = [Frame(frame.letter) for frame in _SWAY for _ in range(frame.tics)]
 # A thing that a script made: its age is 0 in the first tic that shows it, the second of its frame.
 _MEDKIT = Animation("MEDI", (*falling(*[Frame()] * 6), Frame()), once=6)
 ANIMATIONS = {
@@ -124,6 +127,23 @@ ANIMATIONS = {
     "Poison": Animation("BON1", (*falling(*_BOTTLE[1:7]), *_BOTTLE[7:], *_BOTTLE[:7]), once=6),
 }
 """The pictures of things, by the game's names."""
+_BEGIN = ANIMATIONS["GreenArmor"].start
+LYING = {
+    "Medikit": Animation("MEDI"),
+    "Stimpack": Animation("STIM"),
+    "HealthBonus": Animation("BON1", tuple(_SWAY), _BEGIN),
+    "ArmorBonus": Animation("BON2", tuple(_SWAY), _BEGIN),
+    "GreenArmor": ANIMATIONS["GreenArmor"],
+    "BlueArmor": Animation("ARM2", (Frame("A", 6), Frame("B", 6, bright=True)), _BEGIN),
+    "ClipBox": Animation("AMMO"),
+    "ShellBox": Animation("SBOX"),
+    "RocketBox": Animation("BROK"),
+    "Chainsaw": Animation("CSAW"),
+    "SuperShotgun": Animation("SGN2"),
+    "Chaingun": Animation("MGUN"),
+    "RocketLauncher": Animation("LAUN"),
+}
+"""The pictures of things that lie on the map from the start."""
 
 
 def looks_of(animations: Sequence[Animation]) -> tuple[Look, ...]:
@@ -261,14 +281,14 @@ def read_views(wad: Wad, looks: Sequence[Look]) -> Views:
         turns.append(turned)
         shown = sides if turned else sides[:1]
         assert len(shown) in (1, ROTATIONS)
-        pictures += [dressed(look.sprite, side) for side in shown]
+        pictures += [dressed(look, side) for side in shown]
         rows += [number] * len(shown)
     return Views(np.array(first, np.int32), np.array(turns), np.array(rows), pictures)
 
 
-def dressed(sprite: str, picture: Picture) -> Picture:
-    """A picture of a sprite in the colours in which the game shows it."""
-    if sprite != MARINES:
+def dressed(look: Look, picture: Picture) -> Picture:
+    """A picture of a look in the colours in which the game shows it."""
+    if look.sprite != MARINES or look.green:
         return picture
     low, high = GREENS
     green = (picture.pixels >= low) & (picture.pixels <= high)

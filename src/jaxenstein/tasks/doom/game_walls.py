@@ -45,6 +45,7 @@ def wall_materials(
     count, unit = len(doom_map.walls), tiles.unit
     lengths = np.linalg.norm(np.diff(exact_ends_of(doom_map.walls), axis=1)[:, 0], axis=1)
     begin = np.zeros(count, np.int32)
+    row = np.array([wall.row for wall in doom_map.walls], np.int32)
     if not is_free(doom_map, tiles):
         begin = np.array([_begin(wall, tiles) for wall in doom_map.walls], np.int32)
     return Materials(
@@ -55,6 +56,7 @@ def wall_materials(
         offset=np.array([wall.offset for wall in doom_map.walls], np.int32) - begin,
         begin=begin,
         length=np.floor(lengths + 0.5).astype(np.int32),
+        row=row if row.any() else None,
     )
 
 

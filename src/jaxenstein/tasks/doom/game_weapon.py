@@ -18,6 +18,10 @@ from .wad import Picture, Wad
 # Rows from the top of a screen of 320 by 200 at which a weapon is held, and while it is raised:
 # so many lower in each tic before it is up.
 REST, UP, RISE = 32.375, 32, 6
+SWITCH_TICS, RAISE_TICS = 30, 15
+"""Tics from selecting a weapon to its first possible shot, and how many of them raise it."""
+# The tics of each picture of a weapon that moves while it is ready.
+IDLES = 4
 # A weapon swings to either side and down by at most so much, once in so many tics.
 SWING, SWING_TICS = 16, 64
 # Shades by which a flash lights everything, for each step of its light.
@@ -42,27 +46,34 @@ class WeaponLook:
         flash: the four letters of the flash's pictures.
         flashes: what the flash shows.
         begin: tics from the pull of the trigger to the flash.
-        ready: the letter of the weapon that is ready.
+        ready: the letters of the weapon that is ready; the first one while it is raised.
         up: the tic of the game from which on it is no longer raised.
     """
 
     sprite: str
     fires: tuple[Tics, ...]
-    flash: str
-    flashes: tuple[Tics, ...]
+    flash: str = ""
+    flashes: tuple[Tics, ...] = ()
     begin: int = 0
     ready: str = "A"
     up: int = 15
 
     def pictures(self) -> list[tuple[str, str]]:
         """Sprite and letter of each picture, without repetition."""
-        gun = [(self.sprite, tics.letter) for tics in (Tics(self.ready, 1), *self.fires)]
+        letters = [*self.ready, *(tics.letter for tics in self.fires)]
+        gun = [(self.sprite, letter) for letter in letters]
         flash = [(self.flash, tics.letter) for tics in self.flashes]
         return list(dict.fromkeys(gun + flash))
 
-    def timed(self) -> np.ndarray:
-        """int32[tics + 1, 3]: picture, picture of the flash or -1, and light by tic; ready last."""
-        known = self.pictures()
+    def idles(self, known: Sequence[tuple[str, str]]) -> list[int]:
+        """The pictures of the weapon that is ready, two, counted over known ones."""
+        return [known.index((self.sprite, letter)) for letter in (self.ready * 2)[:2]]
+
+    def timed(self, known: Sequence[tuple[str, str]]) -> np.ndarray:
+        """int32[tics + 1, 3]: picture, picture of the flash or -1, and light by tic; ready last.
+
+        Pictures are counted over known ones.
+        """
         gun = [
             known.index((self.sprite, one.letter)) for one in self.fires for _ in range(one.tics)
         ]
@@ -74,12 +85,39 @@ class WeaponLook:
             tic += one.tics
         rows = [
             *zip(gun, flash, light, strict=True),
-            (known.index((self.sprite, self.ready)), -1, 0),
+            (self.idles(known)[0], -1, 0),
         ]
         return np.array(rows, np.int32)
 
 
 WEAPON_LOOKS = {
+    "fist": WeaponLook(
+        "PUNG", (Tics("B", 4), Tics("C", 4), Tics("D", 5), Tics("C", 4), Tics("B", 5))
+    ),
+    "chainsaw": WeaponLook("SAWG", (Tics("A", 4), Tics("B", 4)), ready="CD"),
+    "shotgun": WeaponLook(
+        "SHTG",
+        (
+            *(Tics("A", 10), Tics("B", 5), Tics("C", 5), Tics("D", 4)),
+            *(Tics("C", 5), Tics("B", 5), Tics("A", 10)),
+        ),
+        "SHTF",
+        (Tics("A", 4, 1), Tics("B", 3, 2)),
+        begin=3,
+    ),
+    "super shotgun": WeaponLook(
+        "SHT2",
+        (
+            *(Tics("A", 10), *(Tics(letter, 7) for letter in "BCDEF")),
+            *(Tics("G", 6), Tics("H", 6), Tics("A", 5)),
+        ),
+        "SHT2",
+        (Tics("I", 4, 1), Tics("J", 3, 2)),
+        begin=3,
+    ),
+    "chaingun": WeaponLook(
+        "CHGG", (Tics("A", 4), Tics("B", 4)), "CHGF", (Tics("A", 4, 1), Tics("B", 4, 2))
+    ),
     "pistol": WeaponLook(
         "PISG",
         (Tics("A", 4), Tics("B", 6), Tics("C", 4), Tics("B", 5)),
@@ -99,28 +137,48 @@ WEAPON_LOOKS = {
 
 
 def held(
-    look: WeaponLook, trigger: Any, swing: jax.Array, time: jax.Array
+    looks: Sequence[WeaponLook],
+    trigger: Any,
+    swing: jax.Array,
+    time: jax.Array,
+    selected: jax.Array | None = None,
 ) -> tuple[Held, jax.Array]:
     """The pictures of a weapon in the player's hands; int32[], by how many shades it flashes.
 
     Args:
-        look: its pictures.
-        trigger: its `weapons.Trigger`.
+        looks: the pictures of the player's weapons.
+        trigger: the `weapons.Trigger` of the one in hand.
         swing: float32[], how far it swings, in rows of the screen.
         time: int32[], tics since the game began.
+        selected: int32[], the weapon in hand; None for the only one.
     """
-    table = look.timed()
-    ready = len(table) - 1
-    tics = jnp.minimum(trigger.tics, ready)
-    gun, flash, light = jnp.asarray(table).at[tics].get(mode="promise_in_bounds")
+    known = pictures_of(looks)
+    tables = [look.timed(known) for look in looks]
+    lengths = np.array([len(table) for table in tables], np.int32)
+
+    def own(values: np.ndarray) -> Any:
+        return values[0] if selected is None else jnp.asarray(values)[selected]
+
+    ready = own(lengths - 1)
+    row = own(np.cumsum(lengths, dtype=np.int32) - lengths) + jnp.minimum(trigger.tics, ready)
+    table = np.concatenate(tables)
+    gun, flash, light = jnp.asarray(table).at[row].get(mode="promise_in_bounds")
     angle = (time * (2**32 // SWING_TICS)).astype(jnp.uint32)
     cosine, _ = direction(angle)
     _, sine = direction(angle & np.uint32(2**31 - 1))
     ways = jnp.stack([cosine, sine]).astype(jnp.float32) * np.float32(1 / ONE)
-    place = jnp.where(trigger.tics < ready, 0, swing * ways) + np.array([0, REST], np.float32)
-    lacks = (look.up - time).astype(jnp.float32)
-    low = np.array([0, UP], np.float32) + np.array([0, RISE], np.float32) * lacks
-    place = jnp.where(time < look.up, low, place)
+    rests = trigger.tics >= ready
+    place = jnp.where(rests, swing * ways, 0) + np.array([0, REST], np.float32)
+    if selected is not None:
+        changes = trigger.wait > 0
+        # The weapon is lowered from its rest, and the next one raised from below.
+        wait = trigger.wait.astype(jnp.float32)
+        lowered = SWITCH_TICS + (REST - UP) / RISE - wait
+        lacks = jnp.where(trigger.wait < RAISE_TICS, wait + 1, lowered)
+        place = jnp.where(changes, _lower(lacks), place)
+        idles = np.array([look.idles(known) for look in looks], np.int32)
+        gun = jnp.where(rests & ~changes, jnp.asarray(idles)[selected, time // IDLES % 2], gun)
+    place = jnp.where(time < looks[0].up, _lower((looks[0].up - time).astype(jnp.float32)), place)
     shown = Held(
         picture=jnp.stack([jnp.maximum(flash, 0), gun]),
         place=jnp.stack([place, place]),
@@ -129,9 +187,20 @@ def held(
     return shown, light * FLASH_SHADES
 
 
-def read_stamps(wad: Wad, look: WeaponLook) -> list[Picture]:
-    """The pictures of a weapon."""
-    return [wad.sprite(sprite, letter)[0] for sprite, letter in look.pictures()]
+def _lower(lacks: jax.Array) -> jax.Array:
+    """float32[2]: the place of a weapon that lacks float32[] tics until it is up."""
+    low, rise = np.array([0, UP], np.float32), np.array([0, RISE], np.float32)
+    return jnp.asarray(low) + rise * lacks
+
+
+def pictures_of(looks: Sequence[WeaponLook]) -> list[tuple[str, str]]:
+    """Sprite and letter of each picture of weapons, without repetition."""
+    return list(dict.fromkeys(picture for look in looks for picture in look.pictures()))
+
+
+def read_stamps(wad: Wad, looks: Sequence[WeaponLook]) -> list[Picture]:
+    """The pictures of weapons."""
+    return [wad.sprite(sprite, letter)[0] for sprite, letter in pictures_of(looks)]
 
 
 def stamps_of(pictures: Sequence[Picture], first: np.ndarray) -> Stamps:

@@ -19,6 +19,7 @@ from ...maps import things
 from ...maps.things import RGB
 from ..health import FULL_HEALTH
 from .arsenal import Arms, Arsenal
+from .game_things import LYING, Animation, Shown, looks_at
 from .parts import Game, GameObject, Part, Sprites
 from .view import MEDKIT_BOX, VEST, Picture
 from .weapons import (
@@ -188,6 +189,18 @@ class Items(Part):
     def sprites(self, state: Any) -> Sprites:
         """The things that are left."""
         return Sprites(jnp.asarray(self.places), jnp.asarray(self._pictures), state.items)
+
+    @property
+    def animations(self) -> list[Animation]:
+        """The pictures of the kinds of things."""
+        return [LYING[thing.name] for thing in self.objects if thing.pictures]
+
+    def shown(self, state: Any, tic: jax.Array) -> Shown:
+        """The things that are left in the game's pictures, alike for all of a kind."""
+        kinds = np.arange(len(self.animations), dtype=np.int32)
+        ages = jnp.broadcast_to(tic, kinds.shape)
+        looks = looks_at(self.animations, ages, jnp.asarray(kinds))
+        return Shown(jnp.asarray(self.places), looks[self._pictures], state.items)
 
     def from_game(self, state: Any, game: Game) -> Any:
         """Read which things are left in the game."""

@@ -36,7 +36,7 @@ _WEST, _EAST, _NORTH, _SOUTH = range(4)
 class Line:
     """A wall from (x0, y0) to (x1, y1) in map units; the open side is on the right.
 
-    `offset` is the column of the texture at the first end.
+    `offset` is the column of the texture at the first end, and `row` the row at the ceiling.
     """
 
     x0: float
@@ -45,6 +45,7 @@ class Line:
     y1: float
     texture: str
     offset: int = 0
+    row: int = 0
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,8 @@ class DoomMap:
 
 
 def _told(wall: Line) -> str:
+    if wall.row:
+        return f" {wall.offset} {wall.row}"
     return f" {wall.offset}" if wall.offset else ""
 
 

@@ -59,6 +59,13 @@ MONSTER_LOOKS = {
         pain=(("H", 2), ("H", 2)),
         die=(("I", 8), ("J", 8), ("K", 6), ("L", 6), ("M", FOREVER)),
     ),
+    "HellKnight": MonsterLook(
+        "BOS2",
+        walk=_STEPS,
+        attack="EFG",
+        pain=(("H", 2), ("H", 2)),
+        die=(*((letter, 8) for letter in "IJKLMN"), ("O", FOREVER)),
+    ),
     "MarineChainsawVzd": MonsterLook(
         "PLAY",
         walk="ABCD",
@@ -85,6 +92,8 @@ MONSTER_LOOKS = {
     ),
 }
 """The pictures of monsters, by the game's names."""
+TARGET = tuple(Look("HEAD", letter, picture=number) for number, letter in enumerate("AG"))
+"""The pictures of a cacodemon alive and hit."""
 
 
 def detailed(kind: MonsterKind) -> MonsterKind:

@@ -143,7 +143,7 @@ class DoomMyWayHome(DoomScenario[DoomHomeState, DoomHomeParams]):
     def draw(self, state: DoomHomeState, params: DoomHomeParams, kind: ImageKind) -> jax.Array:
         """Add the game's gold when the armour is taken."""
         image = super().draw(state, params, kind)
-        shows = self.look == "game" and kind in ("rgb", "gray")
+        shows = self.on_screen and kind in ("rgb", "gray")
         return gilded(image, state.taken) if shows else image
 
     def describe(self, state: DoomHomeState, params: DoomHomeParams) -> Info:

@@ -13,7 +13,7 @@ import numpy as np
 from ...engine.scene import Sprites as SceneSprites
 from ...engine.shade import ImageKind
 from ...environment import Info
-from .game_things import ANIMATIONS, Look, Shown, looks_at, looks_of
+from .game_things import ANIMATIONS, Animation, Look, Shown, looks_at, looks_of
 from .game_weapon import WeaponLook
 from .view import Picture
 
@@ -94,21 +94,25 @@ class Part:
     @property
     def looks(self) -> tuple[Look, ...]:
         """With `look="game"`, the game's pictures that it shows."""
-        return looks_of([ANIMATIONS[thing.name] for thing in self.objects])
+        return looks_of(self.animations)
+
+    @property
+    def animations(self) -> list[Animation]:
+        """With `look="game"`, the pictures that its objects show in turn."""
+        return [ANIMATIONS[thing.name] for thing in self.objects]
 
     def shown(self, state: Any, tic: jax.Array) -> Shown | None:
         """With `look="game"`, what the part shows in a tic int32[] of the game."""
         found = self.sprites(state)
         if found is None:
             return None
-        animations = [ANIMATIONS[thing.name] for thing in self.objects]
         age = jnp.broadcast_to(tic if found.age is None else found.age, found.visible.shape)
-        return Shown(found.places, looks_at(animations, age, found.pictures), found.visible)
+        return Shown(found.places, looks_at(self.animations, age, found.pictures), found.visible)
 
     @property
-    def weapon_look(self) -> WeaponLook | None:
-        """With `look="game"`, the game's pictures of the weapon in the player's hands."""
-        return None
+    def weapon_looks(self) -> tuple[WeaponLook, ...]:
+        """With `look="game"`, the game's pictures of the player's weapons."""
+        return ()
 
     def show(self, image: jax.Array, state: Any, kind: ImageKind) -> jax.Array:
         """Draw the part over an image of the view, if that is enabled."""

@@ -20,8 +20,10 @@ from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import bearing, offsets, segments
 from .fixed import ONE
-from .monster_ai import approximate, walk
+from .game_things import Look, Shown
+from .monster_ai import approximate, turned, walk
 from .monster_kinds import CACODEMON
+from .monster_looks import TARGET
 from .monsters import Horde, Monsters
 from .motion import moved
 from .parts import Game, GameObject, Health, Part, Sprites
@@ -86,10 +88,21 @@ class Walker(Part):
 
     objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
 
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """The game's pictures of the monster alive and hit."""
+        return TARGET
+
     def sprites(self, state: DoomPredictState) -> Sprites:
         """The monster, alive or dead."""
         dead = state.killed[None].astype(jnp.int32)
         return Sprites(state.monsters.position, dead, jnp.ones(1, bool))
+
+    def shown(self, state: DoomPredictState, tic: jax.Array) -> Shown:
+        """The monster in the game's pictures."""
+        del tic
+        places, looks, visible, _ = self.sprites(state)
+        return Shown(places, looks, visible, state.monsters.facing)
 
     def from_game(self, state: DoomPredictState, game: Game) -> DoomPredictState:
         """Read the monster of the game, which looks in the direction of its walk."""
@@ -98,7 +111,9 @@ class Walker(Part):
             return state
         eighth = np.round(rows[0, 3] / 2**29).astype(np.int32) % 8
         monster = state.monsters.replace(
-            position=rows[:1, :2].astype(np.int32), direction=eighth[None]
+            position=rows[:1, :2].astype(np.int32),
+            direction=eighth[None],
+            facing=rows[:1, 3].astype(np.uint32),
         )
         return state.replace(monsters=monster)
 
@@ -112,6 +127,8 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
     """
 
     params_class: ClassVar[type[Params]] = DoomPredictParams
+    takes_game_look: ClassVar[bool] = True
+    first_tic: ClassVar[int] = 16
     success_event: ClassVar[str] = "kills"
     success_count: ClassVar[str] = "KILLCOUNT"
     button_names: ClassVar[tuple[str, ...]] = (TURN_LEFT, TURN_RIGHT, ATTACK)
@@ -125,7 +142,8 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
     def horde(self) -> Horde:
         """The monster, and the walls that stop it and the rocket."""
         walls = segments(self.doom_map.walls)
-        return Horde([dataclasses.replace(CACODEMON, speed=STEP)], walls=walls)
+        kinds = [dataclasses.replace(CACODEMON, speed=STEP)]
+        return Horde(kinds, walls=walls, pictured=self.look == "game")
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:
@@ -135,7 +153,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
     @functools.cached_property
     def rockets(self) -> Missiles:
         """The rocket in flight."""
-        return rockets(1)
+        return rockets(1, pictured=self.look == "game")
 
     @functools.cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -184,6 +202,8 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         position, direction, steps_left = walk(
             horde, monster, state.fixed_position, offset, walks, turns, bits[None]
         )
+        if horde.pictured:
+            monster = monster.replace(facing=turned(monster, steps, steps & False, offset))
         monster = monster.replace(
             position=position,
             tics=jnp.where(steps, jnp.asarray(horde.frame_tics[horde.walk]), tics),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -31,6 +32,7 @@ _ROCKETS = (
 # Monsters throw and players launch at this height, in map units; missiles keep it.
 _HEIGHT = 32
 _FIREBALL_LOOK = MissileLook("BAL1", "AB", 4, (("C", 6), ("D", 6), ("E", 6)), ADD, _HEIGHT)
+_BARON_LOOK = replace(_FIREBALL_LOOK, sprite="BAL7", turns=True)
 _ROCKET_LOOK = MissileLook(
     "MISL", "A", 1, (("B", 8), ("C", 6), ("D", 4)), COVER, _HEIGHT, turns=True
 )
@@ -256,18 +258,20 @@ class Missiles(Part):
         return fly(projectiles, self.half_width, bodies, walls, self.checks)
 
 
-def fireballs(count: int, pictured: bool = False) -> Missiles:
+def fireballs(count: int, pictured: bool = False, knights: bool = False) -> Missiles:
     """The fireballs of monsters, at most `count` in flight; more replace the oldest.
 
     Args:
         count: how many there may be.
         pictured: whether they have the game's pictures.
+        knights: whether these are of the fireballs of hell knights.
     """
     objects = (
         GameObject("DoomImpBall", FIREBALL.label, _FIREBALLS),
         GameObject("BaronBall", FIREBALL.label),
     )
-    frames = _FIREBALL_LOOK if pictured else None
+    look = _BARON_LOOK if knights else _FIREBALL_LOOK
+    frames = look if pictured else None
     return Missiles("fireballs", objects, count=count, half_width=6, frames=frames)
 
 

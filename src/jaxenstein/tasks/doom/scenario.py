@@ -41,6 +41,7 @@ from .pose import (
     to_heading,
     to_tiles,
 )
+from .random_look import RandomLook, build_random_look
 from .view import EYE, ROW_FOCAL_SHARE, Room, doom_theme, face_labels, labelled_tiles
 
 ButtonsAtOnce = Literal["single", "all"]
@@ -74,8 +75,11 @@ class DoomScenario(FirstPerson[S, P]):
             with its placement and light, and an eye that bobs while the player walks. Frames with
             the aspect ratio 4:3 and at least 160 columns show what the game shows on a screen of
             that size. Other frames are pixels of its screen of 320 by 240: 64x48 has the middle one
-            of every 5x5.
-        samples: with `look="game"`, 2 for the mean of two adjacent pixels of the screen.
+            of every 5x5. `"random"`: placement, light and bobbing are those of the game, but each
+            episode draws one of 32 patterns for each texture of walls, floor and ceiling, and one
+            of four shades for each kind of thing. It needs no WAD file.
+        samples: with `look="game"` or `"random"`, 2 for the mean of two adjacent pixels of the
+            screen.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for the file of Freedoom, which
             comes with the extra `vizdoom`.
     """
@@ -217,7 +221,7 @@ class DoomScenario(FirstPerson[S, P]):
     def camera(self) -> Camera:
         """The camera of the game's player."""
         size = self.view_height, int(self.width)
-        shown = self.look == "game"
+        shown = self.on_screen
         return Camera(
             *size,
             float(self.field_of_view),
@@ -248,11 +252,29 @@ class DoomScenario(FirstPerson[S, P]):
             first_tic=self.first_tic,
         )
 
+    @functools.cached_property
+    def random_look(self) -> RandomLook:
+        """What the scenario shows with `look="random"`."""
+        size = self.view_height, int(self.width), int(self.samples)
+        return build_random_look(self.theme, self.level, self.doom_map, self.tiles, size)
+
+    @property
+    def on_screen(self) -> bool:
+        """Whether frames are pixels of the game's screen, on which the eye bobs."""
+        return self.look == "game" or (self.look == "random" and not self.takes_patterns)
+
+    @property
+    def shows_weapon(self) -> bool:
+        """Whether images of colours show the weapon, if the scenario has one."""
+        return self.show_weapon or (self.look == "game" and bool(self.game.weapons))
+
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
-        if self.look != "game":
+        if not self.on_screen:
             return super().dressed(scene, state)
-        return self.game.dressed(scene, state)
+        if self.look == "game":
+            return self.game.dressed(scene, state)
+        return self.random_look.dressed(scene, self.look_seed(state), float(self.look_range))
 
     def scene(self, state: S, params: P) -> Scene:
         """The map and the things on it, from the player's pose."""
@@ -368,4 +390,4 @@ class DoomScenario(FirstPerson[S, P]):
 
     def body_fields(self, body: Body) -> dict[str, jax.Array]:
         """The fields of a state for a body."""
-        return pose_fields(body, self.tiles, self.look == "game")
+        return pose_fields(body, self.tiles, self.on_screen)

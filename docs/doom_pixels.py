@@ -1,0 +1,284 @@
+"""Agents of Doom's scenarios that see pixels: their returns here and in the game, and their page.
+
+docs/doom_pixels.json has a row for each scenario and look. `add` and `add_looks` write it. The
+tables and the figure of docs/doom-pixels.md have what is there; rows of other scenarios are absent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from docs.page_parts import HERE, table
+from fidelity.doom_palette import ORDERS, exchanged
+from jaxenstein.baselines.runs.agents import WAYS, evaluate, evaluate_in_game
+from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
+from jaxenstein.baselines.runs.metrics import read_seconds
+from jaxenstein.baselines.runs.trained import Trained, load_trained
+from jaxenstein.catalogue import ENTRIES
+from jaxenstein.files import atomic
+from jaxenstein.intervals import mean_interval
+from jaxenstein.progress import Progress
+from jaxenstein.results import Results
+from jaxenstein.settings import changed
+from jaxenstein.spec import Spec
+from jaxenstein.tasks.doom.scenario import DoomScenario
+from jaxenstein.tasks.doom.wad import find_iwad
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FILE, PAGE = HERE / "doom_pixels.json", HERE / "doom-pixels.md"
+PICTURE = HERE / "images" / "results" / "doom-pixels.png"
+HERE_TOO, GAME, OTHER = "here", "in ViZDoom", "in ViZDoom, other palette"
+LOOKS = ("plain", "random", "game")
+# The look of the agents in the first table and in the figure.
+SHOWN = "game"
+POINTS, COLUMNS = 50, 3
+# Params that are no rewards.
+LIMITS = ("max_steps_in_episode", "discount")
+Row = dict[str, Any]
+
+
+def add(run: Path, episodes: int) -> None:
+    """Test the agents of a run with the rewards of the game, here and in the game.
+
+    Args:
+        run: a run directory of agents that see colours in a scenario of ViZDoom.
+        episodes: the number of episodes for each seed, way of acting, and place.
+    """
+    trained, row = _opened(run)
+    row |= {
+        "sees": "{}x{}".format(*(row.pop("size"))),
+        "decisions": trained.update * trained.experiment.config.steps_per_update,
+        "minutes": round(float(read_seconds(run, trained.update)[-1]) / 60, 1),
+        "tests": _tested([(HERE_TOO, trained, False), (GAME, trained, True)], episodes),
+        "curve": _curve(run, row),
+    }
+    _store("agents", row)
+
+
+def add_looks(run: Path, episodes: int) -> None:
+    """Test the agents of a run in all looks, and in the game in its own and in other colours."""
+    trained, row = _opened(run)
+    del row["size"]
+    with tempfile.TemporaryDirectory() as folder:
+        other = Path(folder) / "other.wad"
+        other.write_bytes(exchanged(find_iwad(), ORDERS[0]))
+        parts = [(look, _looking(trained, look=look), False) for look in LOOKS]
+        parts += [
+            (GAME, _looking(trained, look="game"), True),
+            (OTHER, _looking(trained, look="game", wad=str(other)), True),
+        ]
+        row["tests"] = _tested(parts, episodes)
+    _store("looks", row)
+
+
+def _opened(run: Path) -> tuple[Trained, Row]:
+    """The agents with the params of the game, and the first entries of their row."""
+    trained = load_trained(run)
+    spec = trained.experiment.environment
+    env: Any = trained.experiment.learner.env
+    if not isinstance(env, DoomScenario) or env.scenario is None or env.observation != "rgb":
+        raise SystemExit(f"{run}: its agents must see colours (rgb) in a scenario of ViZDoom")
+    row = {
+        "id": spec.id,
+        "version": spec.version,
+        "look": env.look,
+        "frame_skip": env.frame_skip,
+        "size": (env.width, env.height),
+        "scale": reward_scale(spec),
+        "seeds": len(trained.experiment.runs),
+    }
+    own = {name: value for name, value in spec.params.items() if name == LIMITS[0]}
+    return _in(trained, dataclasses.replace(spec, params=own)), row
+
+
+def reward_scale(spec: Spec) -> float | None:
+    """The factor on all of the game's rewards in training; None if they have several."""
+    default = spec.build()[0].default_params
+    factors: set[float | None] = set()
+    for name, value in spec.params.items():
+        if name not in LIMITS:
+            usual = float(getattr(default, name))
+            factors.add(None if isinstance(value, tuple) or not usual else round(value / usual, 6))
+    if not factors:
+        return 1.0
+    return factors.pop() if len(factors) == 1 else None
+
+
+def _in(trained: Trained, spec: Spec) -> Trained:
+    return dataclasses.replace(
+        trained, experiment=dataclasses.replace(trained.experiment, environment=spec)
+    )
+
+
+def _looking(trained: Trained, **settings: str) -> Trained:
+    spec = changed(trained.experiment.environment, {"settings": settings})
+    return _in(trained, spec)
+
+
+def _tested(parts: Sequence[tuple[str, Trained, bool]], episodes: int) -> Row:
+    """The tests of agents: for each name, of agents and whether they play in the game."""
+    many = len(parts[0][1].experiment.runs)
+    total = episodes * many * len(WAYS) * len(parts)
+    found: Row = {}
+    with Progress(total, "testing", unit="episodes", compiles=True) as progress:
+        for name, trained, there in parts:
+            found[name] = {}
+            for way, greedy in WAYS.items():
+                play = evaluate_in_game if there else evaluate
+                result = play(trained, episodes=episodes, greedy=greedy)
+                found[name][way] = _means(result)
+                done = len(WAYS) * (len(found) - 1) + len(found[name])
+                progress.update(done * episodes * many)
+    return {"episodes": episodes, **found}
+
+
+def _means(result: Results) -> Row:
+    values = {"return": result.returns, "success": result.successes}
+    return {
+        name: [float(f"{end:.5g}") for end in dataclasses.astuple(mean_interval(of))]
+        for name, of in values.items()
+    }
+
+
+def _curve(run: Path, row: Row) -> Row | None:
+    """Returns over minutes in training, seed by seed; None if rewards have several factors."""
+    if row["scale"] is None and _measure(row) == "return":
+        return None
+    (curve,) = curves_of(run, _measure(row), POINTS, "minutes")
+    scale = row["scale"] if _measure(row) == "return" else 1.0
+    values = [[_short(value / scale) for value in of_run] for of_run in curve.values]
+    return {"minutes": [float(f"{at:.4g}") for at in curve.at], "values": values}
+
+
+def _short(value: float) -> float | None:
+    return None if np.isnan(value) else float(f"{value:.4g}")
+
+
+def _measure(row: Mapping[str, Any]) -> str:
+    """What tells how good agents are: success, where a goal is to be found, or the return."""
+    return "success" if str(row["id"]).startswith("doom-my-way-home") else "return"
+
+
+def stored() -> dict[str, list[Row]]:
+    """The content of the file."""
+    if not FILE.exists():
+        return {"agents": [], "looks": []}
+    return json.loads(FILE.read_text("utf-8"))
+
+
+def _store(part: str, row: Row) -> None:
+    """Put a row into the file, in place of the one of the same scenario and look."""
+    rows, own = stored(), (row["id"], row["look"])
+    kept = [one for one in rows[part] if (one["id"], one["look"]) != own]
+    order = list(ENTRIES)
+    rows[part] = sorted([*kept, row], key=lambda one: (order.index(one["id"]), one["look"]))
+    lines = {name: ",\n  ".join(map(json.dumps, of)) for name, of in rows.items()}
+    parts = [f" {json.dumps(name)}: [\n  {of}\n ]" for name, of in lines.items()]
+    with atomic(FILE) as temporary:
+        temporary.write_text("{\n" + ",\n".join(parts) + "\n}\n", "utf-8")
+    print(f"wrote {FILE}")
+
+
+def agents_table() -> str:
+    """The agents that see the game's pictures."""
+    rows = [row for row in stored()["agents"] if row["look"] == SHOWN]
+    columns = [(way, place) for way in WAYS for place in (HERE_TOO, GAME)]
+    head = ("scenario", "sees", *(f"{way}, {place}" for way, place in columns), "minutes")
+    cells = [
+        [
+            f"`{row['id']}`",
+            row["sees"],
+            *(_shown(row, place, way) for way, place in columns),
+            f"{row['minutes']:.3g}",
+        ]
+        for row in rows
+    ]
+    return table(head, cells, range(2, len(head)))
+
+
+def looks_table() -> str:
+    """The agents of each look in the others: sampled actions."""
+    places = (*LOOKS, GAME, OTHER)
+    cells = [
+        [
+            f"`{row['id']}`",
+            f"`{row['look']}`",
+            *(_shown(row, place, "sampled") for place in places),
+        ]
+        for row in stored()["looks"]
+    ]
+    head = ("scenario", "trained in", *(f"`{look}`" for look in LOOKS), GAME, OTHER)
+    return table(head, cells, range(2, len(head)))
+
+
+def _shown(row: Row, place: str, way: str) -> str:
+    """A mean with its interval; success in percent."""
+    measure = _measure(row)
+    mean, low, high = row["tests"][place][way][measure]
+    if measure == "success":
+        return f"{100 * mean:.1f} % ({100 * low:.0f} to {100 * high:.0f})"
+    return f"{mean:.4g} ({low:.4g} to {high:.4g})"
+
+
+def with_tables(page: str) -> str:
+    """The text of docs/doom-pixels.md with its tables and its figure between their marks.
+
+    Tables without rows are left out.
+    """
+    parts = {"agents": agents_table(), "looks": looks_table()}
+    if any(_drawn()):
+        parts["agents"] += "\n\n![Training over minutes](images/results/doom-pixels.png)"
+    for name, text in parts.items():
+        block = re.compile(rf"(<!-- doom {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        lines = f"{text}\n" if text.count("\n") > 1 else ""
+        page = block.sub(lambda found, lines=lines: f"{found[1]}{lines}{found[2]}", page)
+    return page
+
+
+def write() -> None:
+    """Write the tables and the figure again."""
+    PAGE.write_text(with_tables(PAGE.read_text("utf-8")), "utf-8")
+    if any(_drawn()):
+        save_figure(figure(), [PICTURE])
+
+
+def _drawn() -> Iterator[Row]:
+    """The rows whose training is in the figure."""
+    return (row for row in stored()["agents"] if row["look"] == SHOWN and row["curve"])
+
+
+def figure() -> Figure:
+    """Returns over minutes in training, a panel for each scenario: means with 95 % bands."""
+    rows = [*_drawn()]
+    lines = -(-len(rows) // COLUMNS)
+    drawing = new_figure(9.6, 0.6 + 2.2 * lines)
+    panels = drawing.subplots(lines, min(COLUMNS, len(rows)), squeeze=False)
+    for axes in panels.flat[len(rows) :]:
+        axes.axis("off")
+    for axes, row in zip(panels.flat, rows, strict=False):
+        values = np.array(row["curve"]["values"], np.float64)
+        mean, low, high = band(values)
+        at, there = np.array(row["curve"]["minutes"]), ~np.isnan(mean)
+        (line,) = axes.plot(at[there], mean[there])
+        axes.fill_between(
+            at[there], low[there], high[there], color=line.get_color(), alpha=0.2, lw=0
+        )
+        for way in WAYS:
+            played = row["tests"][GAME][way][_measure(row)][0]
+            axes.axhline(played, color="grey", lw=0.8, ls="--" if way == "greedy" else ":")
+        axes.set_title(row["id"], fontsize="small")
+        axes.set_ylabel(_measure(row), fontsize="small")
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    drawing.supxlabel("minutes of all seeds; grey: in ViZDoom, greedy (dashed), sampled (dotted)")
+    return drawing

@@ -1,0 +1,57 @@
+"""An agent of Stable-Baselines3 that plays in two places, on a toy in place of Doom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+pytest.importorskip("stable_baselines3")
+
+from experiments import way_back  # noqa: E402
+
+
+class Toy(gymnasium.Env):
+    """Three steps with a reward of `worth` each; it ends or, after an even seed, is cut off."""
+
+    action_space = gymnasium.spaces.Discrete(2)
+    observation_space = gymnasium.spaces.Box(0, 255, (60, 80, 3), np.uint8)
+
+    def __init__(self, worth: float) -> None:
+        self.worth = worth
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        self.left, self.cut = 3, (seed or 0) % 2 == 0
+        return self.observation_space.low, {}
+
+    def step(self, action: int) -> Any:
+        self.left -= 1
+        over = self.left == 0
+        return self.observation_space.low, self.worth, over and not self.cut, over and self.cut, {}
+
+
+@pytest.mark.filterwarnings("default")
+def test_agent_is_trained_in_the_game_and_acts_in_both(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made: list[str] = []
+
+    def seen(scenario: str, module: str) -> Any:
+        made.append(module)
+        return Toy({"jaxenstein": 2.0}.get(module, 100.0))
+
+    monkeypatch.setattr(way_back, "seen", seen)
+    monkeypatch.setattr(way_back, "SETTINGS", {"n_steps": 4, "batch_size": 8, "n_epochs": 1})
+    game, model = "vizdoom.gymnasium_wrapper", tmp_path / "model.zip"
+    arguments = ["--steps", "32", "--episodes", "4", "--model", str(model)]
+    way_back.main(arguments)
+    assert made == [game] * way_back.GAMES + [game, "jaxenstein"]
+    told = capsys.readouterr().out
+    # Returns of training are a hundredth.
+    assert "| 3 " in " ".join(told.split())
+    assert told.endswith("in ViZDoom: 300 (300 to 300)\nhere: 6 (6 to 6)\n")
+    way_back.main(arguments)
+    assert made[way_back.GAMES + 2 :] == [game, "jaxenstein"]
