@@ -13,7 +13,6 @@ import numpy as np
 import jaxenstein
 from jaxenstein.tasks.doom.fixed import to_fixed
 from jaxenstein.tasks.doom.monster_ai import act
-from jaxenstein.tasks.doom.monster_kinds import Act
 from jaxenstein.tasks.doom.monsters import Horde, Monsters
 
 NO_WALLS = np.zeros((0, 4), np.float32)
@@ -104,7 +103,7 @@ def walked(
 
     def tic(monsters: Monsters, given: tuple[jax.Array, jax.Array]) -> Any:
         bits = jax.random.bits(given[1], (len(horde), 2), jnp.uint32)
-        after, attacks = act(horde, monsters, player, given[0], bits)
-        return after, (after, attacks != Act.NOTHING)
+        after, strikes = act(horde, monsters, player, given[0], bits)
+        return after, (after, strikes)
 
     return jax.lax.scan(tic, monsters, (noises, jax.random.split(key, len(noises))))[1]

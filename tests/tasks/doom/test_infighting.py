@@ -9,7 +9,7 @@ import pytest
 
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.monster_attacks import attack
-from jaxenstein.tasks.doom.monster_kinds import DEMON, SHOTGUN_GUY, ZOMBIE, Act
+from jaxenstein.tasks.doom.monster_kinds import DEMON, SHOTGUN_GUY, ZOMBIE
 from jaxenstein.tasks.doom.monsters import STUBBORN, Horde, Infighting, Monsters
 from tests.tasks.doom.cases import NO_WALLS, place, places, walked
 
@@ -100,7 +100,7 @@ def test_bite_hits_the_target_within_reach_of_its_side(distance: float, hurts: b
     monsters = some((0, 0), (distance, 0), (0, 500), target=(1, 3, 3))
     monsters = monsters.replace(frame=jnp.asarray(THREE.melee) + jnp.array([2, 1, 1]))
     bits = jnp.full((3, 3), 3 << 16, jnp.uint32)
-    first = jnp.array([Act.BITE, 0, 0])
+    first = jnp.array([True, False, False])
     blows = attack(THREE, monsters, first, place(0, 40), bits)
     assert blows.lost.tolist() == [0, 0, 0]
     assert blows.dealt.tolist() == [0, 16 if hurts else 0, 0]
@@ -111,7 +111,7 @@ def test_bite_hits_the_target_within_reach_of_its_side(distance: float, hurts: b
 def test_bullets_hit_the_target_and_keep_their_owner() -> None:
     monsters = some((0, 300), (0, 0), (200, 0), target=(3, 2, 3))
     monsters = monsters.replace(frame=jnp.asarray(THREE.missile) + jnp.array([0, 1, 0]))
-    shoots = jnp.array([0, Act.SHOOT, 0])
+    shoots = jnp.array([False, True, False])
     bits = jnp.full((3, 3), 4 << 16, jnp.uint32)
     blows = attack(THREE, monsters, shoots, place(-200, 0), bits)
     assert blows.lost.tolist() == [0, 0, 0]

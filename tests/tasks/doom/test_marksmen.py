@@ -70,7 +70,7 @@ def test_bullets_scatter_and_damage_is_a_multiple_of_three(corridor: Any) -> Non
     @jax.jit
     def shoot(key: jax.Array) -> jax.Array:
         bits = jax.random.bits(key, (6, 3), jnp.uint32)
-        everyone = jnp.full(6, Act.SHOOT)
+        everyone = jnp.ones(6, bool)
         return attack(horde, monsters, everyone, place(0, 0), bits)[0]
 
     lost = np.asarray(jax.vmap(shoot)(jax.random.split(jax.random.key(0), 400)))

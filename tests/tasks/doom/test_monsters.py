@@ -85,8 +85,8 @@ def test_bite_reaches_60_units(distance: float, hurts: bool) -> None:
     monsters = some(WEST, (distance, 0), (500, 500))
     monsters = monsters.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([2, 1]))
     bits = jnp.full((2, 1), 3 << 16, jnp.uint32)
-    acts = PAIR.at(PAIR.acts, monsters.frame)
-    lost, friendly, *_ = attack(PAIR, monsters, acts, place(0, 0), bits)
+    both = jnp.ones(2, bool)
+    lost, friendly, *_ = attack(PAIR, monsters, both, place(0, 0), bits)
     # A die of ten from byte 3 shows 4; a demon's bite is four times that.
     assert lost.tolist() == [16 if hurts else 0, 0]
     assert friendly.tolist() == [0, 0]
@@ -96,7 +96,7 @@ def test_saw_hits_a_monster_in_between() -> None:
     monsters = some(WEST, (30, 0), (59, 0))
     monsters = monsters.replace(frame=jnp.asarray(PAIR.melee) + jnp.array([0, 1]))
     bits = jnp.full((2, 1), 9 << 16, jnp.uint32)
-    strikes = jnp.array([0, Act.SHOOT])
+    strikes = jnp.array([False, True])
     lost, friendly, *_ = attack(PAIR, monsters, strikes, place(0, 0), bits)
     assert lost.tolist() == [0, 0]
     assert friendly.tolist() == [20, 0]

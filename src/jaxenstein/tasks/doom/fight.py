@@ -106,12 +106,12 @@ def fight(
     targets = before.position, horde.half_width, before.living
     damage = arsenal.bullets(state, (fires, origin), targets, horde.opaque, pellets)
     monsters = horde.hurt(before, damage, bits[:-1, 0])
-    acted, attacks = act(horde, monsters, state.fixed_position, fires, bits[:-1, 1:3])
-    blows = attack(horde, acted, attacks, state.fixed_position, bits[:-1, 4:])
-    monsters = horde.hurt(acted, blows.dealt, bits[:-1, 3], blows.source)
+    monsters, attacks = act(horde, monsters, state.fixed_position, fires, bits[:-1, 1:3])
+    blows = attack(horde, monsters, attacks, state.fixed_position, bits[:-1, 4:])
+    monsters = horde.hurt(monsters, blows.dealt, bits[:-1, 3], blows.source)
     state = _with_monsters(state, monsters)
     state = suffer(scenario, state, monsters.position, blows.lost, params)
-    return state, Fought(fires, throws(monsters, acted, attacks, blows.bitten), reached)
+    return state, Fought(fires, throws(horde, monsters, attacks, blows.bitten), reached)
 
 
 def _with_monsters(state: S, monsters: Monsters) -> S:

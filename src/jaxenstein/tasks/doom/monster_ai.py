@@ -78,7 +78,7 @@ def act(
         bits: uint32[N, 2], random.
 
     Returns:
-        The monsters, and int32[N], the attack of each that attacks now (`Act`), else 0.
+        The monsters, and bool[N], which of them attack now, by the action of their frame.
     """
     monsters = _settled(monsters)
     goal, width = horde.enemies(monsters, player)
@@ -89,11 +89,10 @@ def act(
     tics = monsters.tics - 1
     begins = monsters.present & (tics <= 0)
     frame = jnp.where(begins, _following(horde, monsters, sees, near, bits), monsters.frame)
-    acts = horde.at(horde.acts, frame)
-    watches = begins & (acts == Act.WATCH)
+    watches = begins & (horde.at(horde.acts, frame) == Act.WATCH)
     wakes = watches & (alarmed | (sees & _notices(monsters, offset)))
-    frame, acts = jnp.where(wakes, horde.walk, frame), jnp.where(wakes, Act.CHASE, acts)
-    chases = begins & (acts == Act.CHASE)
+    frame = jnp.where(wakes, horde.walk, frame)
+    chases = begins & (horde.at(horde.acts, frame) == Act.CHASE)
     reaction = jnp.maximum(monsters.reaction - chases.astype(jnp.int32), 0)
     rests = chases & monsters.just_attacked
     bites = chases & ~rests & near & (horde.melee >= 0)
@@ -102,8 +101,6 @@ def act(
     shoots = (reaction == 0) & _dares(horde, offset, byte(bits[:, 0], 0))
     shoots = may_shoot & (shoots if monsters.just_hit is None else shoots | monsters.just_hit)
     frame = jnp.where(bites, horde.melee, jnp.where(shoots, horde.missile, frame))
-    begun = jnp.where(bites, horde.acts[horde.melee], horde.acts[horde.missile])
-    acts = jnp.where(bites | shoots, begun, acts)
     walks = chases & ~rests & ~bites & ~shoots
     turns = rests & ~horde.fast
     position, direction, steps_left = walk(
@@ -124,7 +121,7 @@ def act(
         infighting=_calmer(monsters.infighting, chases),
         just_hit=None if monsters.just_hit is None else monsters.just_hit & ~may_shoot,
     )
-    return after, jnp.where(begins & (acts >= Act.BITE), acts, Act.NOTHING)
+    return after, begins & (horde.at(horde.acts, frame) >= Act.BITE)
 
 
 def turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.Array) -> jax.Array:

@@ -44,14 +44,14 @@ def attack(
     Args:
         horde: the tables of the monsters, and the walls that stop bullets.
         monsters: the monsters.
-        attacks: int32[N], from `monster_ai.act`.
+        attacks: bool[N], which attack now, by the action of their frame.
         player: int32[2], the position of the player.
         bits: uint32[N, R], random; R is the most rays of a shot, and at least 1.
     """
     blows = partial(_blows, horde)
     if horde.rays.any() or len(horde.opaque):
         # In a tic, monsters only attack in few members of a batch.
-        blows = partial(where_few(blows, FEW), jnp.any(attacks != 0))
+        blows = partial(where_few(blows, FEW), jnp.any(attacks))
     return blows(monsters, attacks, player, bits)
 
 
@@ -60,14 +60,15 @@ def _blows(
 ) -> Blows:
     goal, width = horde.enemies(monsters, player)
     near = in_reach(goal - monsters.position, width, sight(monsters, goal, horde.opaque))
-    bites = near & ((attacks == Act.BITE) | (attacks == Act.THROW))
+    acts = horde.at(horde.acts, monsters.frame)
+    bites = attacks & near & ((acts == Act.BITE) | (acts == Act.THROW))
     bite = jnp.where(bites, roll(horde.dice, horde.sides, byte(bits[:, 0], 2)), 0)
     if monsters.infighting is None and not horde.rays.any():
         nothing = jnp.zeros_like(bite)
         return Blows(bite, nothing, nothing, bites)
     dealt = _bitten(monsters, bite)
     if horde.rays.any():
-        shoots = attacks == Act.SHOOT
+        shoots = attacks & (acts == Act.SHOOT)
         dealt = dealt + _shot(horde, monsters, shoots, near, (player, goal), bits)
     source = jnp.argmax(dealt[:, :-1], axis=0).astype(jnp.int32)
     return Blows(dealt[:, -1], jnp.sum(dealt[:, :-1], axis=0, dtype=jnp.int32), source, bites)
@@ -123,15 +124,13 @@ def _shot(
     return jnp.sum(jnp.where(hit, damage, 0), axis=1, dtype=jnp.int32)
 
 
-def throws(
-    monsters: Monsters, before: Monsters, attacks: jax.Array, bitten: jax.Array
-) -> jax.Array:
+def throws(horde: Horde, monsters: Monsters, attacks: jax.Array, bitten: jax.Array) -> jax.Array:
     """bool[N]: which monsters throw a fireball; one that has bitten or flinched does not.
 
     Args:
+        horde: the tables of the monsters.
         monsters: the monsters after the blows of this tic.
-        before: the monsters before them.
-        attacks: int32[N], from `monster_ai.act`.
+        attacks: bool[N], which attack now.
         bitten: bool[N], which of them have bitten.
     """
-    return (attacks == Act.THROW) & (monsters.frame == before.frame) & ~bitten
+    return attacks & (horde.at(horde.acts, monsters.frame) == Act.THROW) & ~bitten

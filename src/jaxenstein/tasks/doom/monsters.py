@@ -297,8 +297,7 @@ class Horde(Part):
         frame = jnp.where(wakes, self.walk, monsters.frame)
         frame = jnp.where(flinches, self.pain, jnp.where(dies, self.die, frame))
         changed = frame != monsters.frame
-        stays = jnp.where(dies, self.frame_tics[self.die], self.frame_tics[self.pain])
-        tics = jnp.where(flinches | dies, stays, monsters.tics)
+        tics = jnp.where(flinches | dies, self.at(self.frame_tics, frame), monsters.tics)
         return monsters.replace(
             health=health,
             frame=frame,
