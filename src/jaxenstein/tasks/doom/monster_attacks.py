@@ -48,11 +48,9 @@ def attack(
         player: int32[2], the position of the player.
         bits: uint32[N, R], random; R is the most rays of a shot, and at least 1.
     """
-    blows = partial(_blows, horde)
-    if horde.rays.any() or len(horde.opaque):
-        # In a tic, monsters only attack in few members of a batch.
-        blows = partial(where_few(blows, FEW), jnp.any(attacks))
-    return blows(monsters, attacks, player, bits)
+    # In a tic, monsters only attack in few members of a batch.
+    blows = where_few(partial(_blows, horde), FEW)
+    return blows(jnp.any(attacks), monsters, attacks, player, bits)
 
 
 def _blows(
