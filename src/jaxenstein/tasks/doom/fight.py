@@ -92,10 +92,9 @@ def fight(
     horde, arsenal, before = scenario.horde, scenario.arsenal, state.monsters
     bits = random_bits(key, (len(horde) + 1, 4 + max(int(horde.rays.max()), 1)))
 
-    def bodies(place: jax.Array) -> jax.Array:
-        width = np.full(len(horde), RADIUS, np.int32)
-        met = overlap(place[None], width, before.position, horde.half_width)
-        return jnp.any(met & before.living)
+    def bodies(places: jax.Array) -> jax.Array:
+        met = overlap(places[:, None], RADIUS + horde.half_width[None], before.position[None], 0)
+        return jnp.any(met & before.living[None], axis=1)
 
     origin = state.fixed_position
     state, reached = moved(scenario, state, action, bodies)

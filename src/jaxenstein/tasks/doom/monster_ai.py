@@ -165,9 +165,12 @@ def _following(
     horde: Horde, monsters: Monsters, sees: jax.Array, near: jax.Array, bits: jax.Array
 ) -> jax.Array:
     """int32[N]: the frame after this one; some monsters keep attacking while they can."""
+    following = horde.at(horde.following, monsters.frame)
+    if not (horde.back >= 0).any():
+        return following
     back = horde.at(horde.back, monsters.frame)
     again = jnp.where(horde.missile >= 0, sees | (byte(bits[:, 1], 0) < 40), near)
-    return jnp.where((back >= 0) & again, back, horde.at(horde.following, monsters.frame))
+    return jnp.where((back >= 0) & again, back, following)
 
 
 def _notices(monsters: Monsters, offset: jax.Array) -> jax.Array:
@@ -212,6 +215,38 @@ def walk(
     # Few members of a batch choose another direction in the same tic.
     choose = where_few(partial(_another, horde), FEW)
     best = choose(jnp.any(turns), place, monsters.direction, offset, bits)
+    return _stepped(horde, monsters, goes_on, (turns, best), steps_left, bits)
+
+
+def set_off(
+    horde: Horde, monsters: Monsters, player: jax.Array, bits: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """As `walk` for monsters that all take their first step; bits are uint32[N], random."""
+    every, offset = jnp.ones(len(horde), bool), player[None] - monsters.position
+    place = monsters.position, monsters.living, player
+    best = _another(horde, place, monsters.direction, offset, bits)
+    return _stepped(horde, monsters, ~every, (every, best), monsters.steps_left - 1, bits)
+
+
+def _stepped(
+    horde: Horde,
+    monsters: Monsters,
+    goes_on: jax.Array,
+    turning: tuple[jax.Array, jax.Array],
+    steps_left: jax.Array,
+    bits: jax.Array,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """As `walk`, after all have chosen.
+
+    Args:
+        horde: the tables of the monsters.
+        monsters: the monsters.
+        goes_on: bool[N], which step in their direction.
+        turning: bool[N], which turn; int32[N], to which direction.
+        steps_left: int32[N], of those that do not turn.
+        bits: uint32[N], random.
+    """
+    turns, best = turning
     direction = jnp.where(turns, best, monsters.direction)
     again = turns & (best < _DIRECTIONS)
     steps_left = jnp.where(again, byte(bits, 3) & 15, steps_left)

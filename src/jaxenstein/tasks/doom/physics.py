@@ -131,7 +131,9 @@ class Reached(PyTreeNode):
 
 
 Blocked = Callable[[jax.Array], jax.Array]
-"""A function that tells whether bodies block a position, int32[2] -> bool[]."""
+"""A function that tells whether bodies block positions, int32[K, 2] -> bool[K]."""
+# The whole move; a body that runs into another one moves along y alone, or x alone, or stops.
+_WAYS = np.array([[1, 1], [0, 1], [1, 0]], np.int32)
 
 
 def tic(
@@ -150,33 +152,24 @@ def tic(
     velocity = body.velocity + added
     moving = jnp.any(velocity != 0)
     target = body.position + velocity
-    slides = geometry.blocked(target)
+    places = body.position[None] + velocity[None] * _WAYS
+    # Without other bodies, only the whole move matters.
+    walls = jax.vmap(geometry.blocked)(places[:1] if bodies is None else places)
+    slides = walls[0]
     glide = where_few(functools.partial(slide, geometry))
     position, slid_velocity, others = glide(slides, body.position, velocity)
     position = jnp.where(slides, position, target)
     velocity = jnp.where(slides, slid_velocity, velocity)
     if bodies is not None:
-        bumps = moving & bodies(target)
-        beside, slowed = _bump(geometry, bodies, body.position, body.velocity + added)
-        position, velocity = jnp.where(bumps, beside, position), jnp.where(bumps, slowed, velocity)
+        met = bodies(places)
+        free, still = ~met & ~walls, body.position
+        beside = jnp.where(free[1], places[1], jnp.where(free[2], places[2], still))
+        bumps = moving & met[0]
+        position = jnp.where(bumps, beside, position)
+        velocity = jnp.where(bumps, beside - still, velocity)
     others = jnp.where(slides, others, jnp.broadcast_to(target[None], (ATTEMPTS, 2)))
     after = Body(position, friction(velocity, buttons), angle, turn_tics)
     return after, Reached(moving, target, slides, others)
-
-
-def _bump(
-    geometry: Geometry, bodies: Blocked, position: jax.Array, velocity: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """Position and velocity after running into a body: move along y alone, or x alone, or stop."""
-    north, east = velocity * np.array([0, 1], np.int32), velocity * np.array([1, 0], np.int32)
-
-    def free(move: jax.Array) -> jax.Array:
-        return ~bodies(position + move) & ~geometry.blocked(position + move)
-
-    aside, ahead = free(north), free(east)
-    still = jnp.zeros_like(velocity)
-    move = jnp.where(aside, north, jnp.where(ahead, east, still))
-    return position + move, move
 
 
 def _turn(body: Body, buttons: Buttons) -> tuple[jax.Array, jax.Array]:

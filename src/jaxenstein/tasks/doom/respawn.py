@@ -11,7 +11,7 @@ import numpy as np
 from ..draws import random_bits, sample_index
 from .collision import RADIUS, crosses, overlap
 from .fixed import ONE
-from .monster_ai import act
+from .monster_ai import set_off, turned
 from .monsters import Horde, Monsters
 
 TRIES = 6
@@ -27,17 +27,30 @@ _CHANCES = ONE + 1
 def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -> Monsters:
     """The monsters in the game's tenth tic: they have seen the player and taken a step.
 
+    This is `monster_ai.act` for monsters that all wake up.
+
     Args:
         horde: the tables of the monsters; they look in this tic or, if they look often, earlier.
-        monsters: standing monsters that see the player.
+        monsters: standing monsters that see the player, but are not near it.
         player: int32[2], the position of the player.
         key: random.
     """
-    looking = monsters.replace(tics=jnp.ones(len(horde), jnp.int32))
     bits = random_bits(key, (len(horde), 2))
-    after, _ = act(horde, looking, player, jnp.bool_(False), bits)
+    position, direction, steps_left = set_off(horde, monsters, player, bits[:, 0])
+    if horde.pictured:
+        every = jnp.ones(len(horde), bool)
+        monsters = monsters.replace(
+            facing=turned(monsters, every, ~every, player[None] - monsters.position)
+        )
     since = _FIRST_TIC - horde.frame_tics[horde.stand]
-    return after.replace(tics=jnp.asarray(horde.frame_tics[horde.walk] - since))
+    return monsters.replace(
+        position=position,
+        frame=jnp.asarray(horde.walk),
+        tics=jnp.asarray(horde.frame_tics[horde.walk] - since),
+        direction=direction,
+        steps_left=steps_left,
+        reaction=monsters.reaction - 1,
+    )
 
 
 def asleep(
