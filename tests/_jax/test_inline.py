@@ -29,3 +29,10 @@ def test_the_environment_of_the_process_stays(
         monkeypatch.setenv("NPROC", before)
     inline_device.__wrapped__()
     assert os.environ.get("NPROC") == before
+
+
+def test_a_jaxlib_without_such_clients_gives_no_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr("jaxlib.xla_client.make_cpu_client")
+    before = os.environ.get("NPROC")
+    assert inline_device.__wrapped__() is None
+    assert os.environ.get("NPROC") == before
