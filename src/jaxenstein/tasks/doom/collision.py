@@ -269,9 +269,9 @@ def _cross(a: jax.Array, b: jax.Array) -> jax.Array:
 
 def overlap(
     place: jax.Array,
-    half_width: jax.Array | np.ndarray,
+    half_width: jax.Array | np.ndarray | int,
     others: jax.Array,
-    half_widths: jax.Array | np.ndarray,
+    half_widths: jax.Array | np.ndarray | int,
 ) -> jax.Array:
     """bool[...]: whether boxes overlap; boxes that touch do not.
 
