@@ -17,6 +17,7 @@ from .maps import MapThing
 from .parts import Part
 
 _LETTERS, _TICS = "ABABCDEFGHIJ", 6
+_PICTURES = sorted(set(_LETTERS))
 
 
 class Fogs(PyTreeNode):
@@ -60,15 +61,13 @@ class Fog(Part):
     def looks(self) -> tuple[Look, ...]:
         """The game's pictures."""
         # In other images there is no fog, so any picture will do.
-        return tuple(
-            Look("TFOG", letter, True, ADD, picture=-1) for letter in sorted(set(_LETTERS))
-        )
+        return tuple(Look("TFOG", letter, True, ADD, picture=-1) for letter in _PICTURES)
 
     def shown(self, state: Any, tic: jax.Array) -> Shown:
         """The fogs."""
         del tic
-        known, fogs = sorted(set(_LETTERS)), state.fogs
-        table = np.array([known.index(letter) for letter in _LETTERS], np.int32)
+        fogs = state.fogs
+        table = np.array([_PICTURES.index(letter) for letter in _LETTERS], np.int32)
         frame = fogs.age // _TICS
         look = jnp.asarray(table).at[frame].get(mode="clip")
         return Shown(fogs.position, look, frame < len(_LETTERS))

@@ -93,7 +93,7 @@ def fight(
     bits = random_bits(key, (len(horde) + 1, 4 + max(int(horde.rays.max()), 1)))
 
     def bodies(places: jax.Array) -> jax.Array:
-        met = overlap(places[:, None], RADIUS + horde.half_width[None], before.position[None], 0)
+        met = overlap(places[:, None], RADIUS, before.position[None], horde.half_width[None])
         return jnp.any(met & before.living[None], axis=1)
 
     origin = state.fixed_position
