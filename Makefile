@@ -61,7 +61,7 @@ demo: $(VENV)/.baselines ## train an agent in about 3 minutes; its curve and a G
 	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
 	$(BIN)/jaxenstein evaluate $(DEMO)/run --gif $(DEMO)/agent.gif
 
-bench: ## run all benchmarks and write docs/benchmarks.md (1 hour; QUICK=1: a few minutes)
+bench: ## run all benchmarks and write docs/benchmarks.md (75 minutes; QUICK=1: a few minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
 	$(BENCH)/main/bin/python -m benchmarks.install
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)

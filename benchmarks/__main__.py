@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.measure import FORMAT, Groups, Settings, measure
-from benchmarks.parts import NAMED, PARTS, QUICK, Plan
+from benchmarks.parts import NAMED, PARTS, QUICK, ROUNDS, Plan
 from benchmarks.tables import rows_of, table_of
 from jaxenstein.cli.arguments import whole
 from jaxenstein.errors import JAXensteinError
@@ -29,9 +29,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"unknown part: {', '.join(unknown)}; known: {', '.join(PARTS)}")
-    settings = _settings(options, parser)
+    usual = _settings(options, parser)
     folder = make_folder(options.json) if options.json else None
     for name in options.parts or [name for name in PARTS if name not in NAMED]:
+        rounds = usual.rounds if options.rounds or usual.quick else ROUNDS.get(name, usual.rounds)
+        settings = dataclasses.replace(usual, rounds=rounds)
         file = folder / f"{name}.json" if folder else None
         if file:
             check_writable(file)
@@ -112,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", type=Path, metavar="DIR", help="folder for results (default: only print)")
     add("--quick", action="store_true", help="tiny sizes, to test that everything works")
     add("--core", type=int, metavar="N", help="core to use (default: the last)")
-    add("--rounds", type=whole(), metavar="N", help="rounds (default 7)")
+    add("--rounds", type=whole(), metavar="N", help="rounds (default 7; starts 3)")
     add("--seconds", type=float, metavar="S", help="length of a chunk (default 1)")
     only = "only subjects whose names start with NAME, such as scan-64, and their references"
     add("--only", nargs="+", metavar="NAME", help=only)

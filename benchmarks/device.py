@@ -55,7 +55,8 @@ def measure_case(
     height, width = size
     case = {"id": name, "batch": batch, "image": f"{width}x{height}"}
     env, params = jaxenstein.make(name, height=height, width=width)
-    steps = max(STEPS[0], min(STEPS[1], FRAMES_A_CALL // batch, options.steps or STEPS[1]))
+    steps = max(STEPS[0], min(STEPS[1], FRAMES_A_CALL // batch))
+    steps = min(steps, options.steps or steps)
 
     def measure(program: Any, carry: Any) -> dict[str, Any]:
         compiled, seconds = compile_timed(program, carry)

@@ -2,7 +2,7 @@
 
 Each peer gets its own virtual environment in `.venv-bench/`, since some exclude each other. If a
 peer cannot be installed, the tables say so. Existing environments are kept; remove one to reinstall
-it. A peer that this interpreter already has needs no environment.
+it. A peer that this interpreter already has needs no environment, unless it is another version.
 """
 
 from __future__ import annotations
@@ -21,10 +21,14 @@ FOLDER = Path(__file__).resolve().parents[1] / ".venv-bench"
 
 
 class Peer(NamedTuple):
-    """A peer: requirements for pip, and modules that must be importable."""
+    """A peer: requirements for pip, and modules that must be importable.
+
+    A `separate` peer needs an environment of its own, since it has another version of a package.
+    """
 
     requirements: tuple[str, ...]
     modules: tuple[str, ...]
+    separate: bool = False
 
 
 class Found(NamedTuple):
@@ -44,6 +48,7 @@ PEERS: dict[str, Peer] = {
     "envpool": Peer(("envpool>=1.2", _GYMNASIUM), ("envpool", "gymnasium")),
     "miniworld": Peer(("miniworld>=2.1", _OPENCV), ("miniworld", "cv2")),
     "gymnasium": Peer((*_CORE, _GYMNASIUM), ("jax", "gymnasium")),
+    "jax-0.10": Peer((*_CORE, "jax<0.11", _GYMNASIUM), ("jax", "gymnasium"), separate=True),
     "training": Peer(
         (*_TRAINING, _VIZDOOM, _GYMNASIUM, _OPENCV),
         ("torch", "stable_baselines3", "sb3_contrib", "vizdoom", "gymnasium", "cv2"),
@@ -58,7 +63,10 @@ def find(name: str) -> Found:
     python = FOLDER / name / "bin" / "python"
     if name and python.exists():
         return Found(str(python))
-    if not name or all(importlib.util.find_spec(module) for module in PEERS[name].modules):
+    if not name:
+        return Found(sys.executable)
+    peer = PEERS[name]
+    if not peer.separate and all(importlib.util.find_spec(module) for module in peer.modules):
         return Found(sys.executable)
     return Found(problem=f"not installed (python -m benchmarks.install {name})")
 

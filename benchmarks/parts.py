@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmarks.measure import Groups, Subject
-from benchmarks.subjects.common import PICTURED, SHOOTING
+from benchmarks.subjects.common import FIGHTS, PICTURED, SHOOTING
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.machine import cores_allowed
 
@@ -15,6 +15,8 @@ from jaxenstein.machine import cores_allowed
 GROUP = 8
 OWN, TRAINED = "JAXenstein", "RecurrentPPO, ViZDoom"
 RESIZED, RAW = "vizdoom-gymnasium", "vizdoom-raw"
+# The peers that have the newest and an older JAX.
+JAX = "gymnasium", "jax-0.10"
 GAME_SIZES = "160x120", "320x240"
 
 
@@ -24,7 +26,8 @@ class Plan:
 
     batches: tuple[int, ...] = (1, 8, 64, 256, 1024, 4096)
     batch: int = 256
-    ids: tuple[str, ...] = MAIN_IDS
+    # The last has the most billboards.
+    ids: tuple[str, ...] = (*MAIN_IDS, "minigrid-obstructed-maze-full")
     # The environments of the other parts.
     tasks: tuple[str, ...] = ("my-way-home", "health-gathering")
     sizes: tuple[str, ...] = ("64x64", "84x84", "160x120", "320x240")
@@ -34,6 +37,10 @@ class Plan:
     networks: tuple[tuple[str, str], ...] = (
         ("tiny", "16x16"), ("small", "16x16"), ("tiny", "64x64"), ("paper", "64x64")
     )  # fmt: skip
+    started: tuple[str, ...] = (
+        "my-way-home", "health-gathering", "memory-maze-9x9", "key-corridor",
+    )  # fmt: skip
+    compiled: tuple[str, ...] = tuple(f"doom-{name}" for name in FIGHTS)
 
 
 # Sizes to test that the suite works; the results mean nothing.
@@ -47,6 +54,8 @@ QUICK = Plan(
     trained=(2,),
     adapted=(16,),
     networks=(("tiny", "16x16"),),
+    started=("my-way-home",),
+    compiled=("simple",),
 )
 
 
@@ -80,7 +89,8 @@ def scenarios(plan: Plan) -> Groups:
         rows = [
             _peer("vizdoom", RESIZED + words, "ViZDoom, resized", id=own),
             _peer("vizdoom", RAW + words, "ViZDoom, raw", id=own),
-            _own(plan.batch, OWN, id=own),
+            *_each_jax(_own(plan.batch, OWN, id=own)),
+            _own(plan.batch, f"{OWN}, 4x4 pixels", id=own, size="4x4"),
         ]
         groups.append(_beside_vizdoom(rows, words))
     return groups
@@ -195,6 +205,41 @@ def adapters(plan: Plan) -> Groups:
     return [group]
 
 
+def single(plan: Plan) -> Groups:
+    """One Gymnasium environment with the default settings of JAX, beside ViZDoom."""
+    del plan
+    groups = []
+    small = "64x64", 1, "size=160x120 resize=linear", "160x120 to 64x64, linear"
+    large = "320x240", 4, "size=320x240 resize=none frame_skip=4", "320x240"
+    for size, skip, words, told in (small, large):
+        for cores, busy in (("one", ""), ("all", ""), ("all, one of them busy", " busy=1")):
+            axes = {"size": size, "frame skip": skip, "cores": cores}
+            theirs, raw = f"{RESIZED} {words}{busy}", f"{RAW} {words}{busy}"
+            own = f"gymnasium size={size} frame_skip={skip}{busy}"
+            rows = [
+                _peer("vizdoom", theirs, f"ViZDoom, Gymnasium, {told}", **axes),
+                _peer("vizdoom", raw, f"ViZDoom, raw, {told}", **axes),
+                *_each_jax(Subject(own, OWN, axes, flags="")),
+            ]
+            rows = [dataclasses.replace(row, pinned=cores == "one") for row in rows]
+            groups.append(_compared(rows, {"x Gymnasium": theirs, "x raw": raw}))
+    return groups
+
+
+def starts(plan: Plan) -> Groups:
+    """The first step in a new process, and the compilation of fights, on all cores."""
+    rows = [(f"start id={name}", "first step", name) for name in plan.started]
+    rows += [
+        (f"compile id={name} of={function}", f"compiling {function}", name)
+        for name in plan.compiled
+        for function in ("reset", "step", "observe")
+    ]
+    subjects = [
+        Subject(name, told, {"id": id_}, flags="", pinned=False) for name, told, id_ in rows
+    ]
+    return [_each_jax(subject) for subject in subjects]
+
+
 def convolutions(plan: Plan) -> Groups:
     """Updates of image networks with this project's convolution and with flax's."""
     groups = []
@@ -219,6 +264,13 @@ def _own(batch: int, title: str, **options: Any) -> Subject:
 
 def _peer(peer: str, name: str, title: str, **axes: Any) -> Subject:
     return Subject(name, title, axes, peer=peer, flags=None)
+
+
+def _each_jax(subject: Subject) -> list[Subject]:
+    """A subject with each version of JAX."""
+    return [
+        dataclasses.replace(subject, name=f"{subject.name} jax={peer}", peer=peer) for peer in JAX
+    ]
 
 
 def _compared(rows: Iterable[Subject], references: Mapping[str, str]) -> list[Subject]:
@@ -261,8 +313,12 @@ PARTS: Mapping[str, Callable[[Plan], Groups]] = {
     "resolutions": resolutions,
     "observations": observations,
     "adapters": adapters,
+    "single": single,
+    "starts": starts,
     "training-compare": training,
     "convolutions": convolutions,
 }
 # Measured only by name: PyTorch is large, and no page shows convolutions.
 NAMED = ("training-compare", "convolutions")
+# The rounds of parts whose chunks take longer than others.
+ROUNDS = {"starts": 3}

@@ -88,6 +88,12 @@ def _quartiles(rates: Mapping[str, float]) -> str:
     return f"{rates['lower_quartile']:,.0f} - {rates['upper_quartile']:,.0f}"
 
 
+def _seconds(row: Row) -> str:
+    return (
+        f"{number(1 / max(row['rates']['repeats']))} - {number(1 / min(row['rates']['repeats']))}"
+    )
+
+
 def _steps(row: Row) -> str:
     return "not measured" if "failed" in row else WHOLE(row["rates"]["median"])
 
@@ -108,12 +114,13 @@ RATES = (
     Column("us a step", lambda row: number(1e6 / row["rates"]["median"])),
 )
 TITLE, ID = column("", "title", left=True), column("id", left=True)
+VERSION = column("JAX", "versions", "jax")
 BATCH, HOME = column("environments", "batch"), ratio("of my-way-home")
 BESIDE = (TITLE, *RATES, ratio("x resized"), ratio("x raw"))
 
 COLUMNS: Mapping[str, Sequence[Column]] = {
     "peers": BESIDE,
-    "scenarios": (ID, *BESIDE),
+    "scenarios": (ID, *BESIDE, VERSION),
     "pictures": (ID, column("size"), *BESIDE),
     "cores": (TITLE, *RATES, ratio("x one core")),
     "environments": (ID, *RATES, HOME),
@@ -121,6 +128,14 @@ COLUMNS: Mapping[str, Sequence[Column]] = {
     "resolutions": (ID, column("size"), BATCH, *RATES, HOME),
     "observations": (ID, column("observation", left=True), *RATES, HOME),
     "adapters": (TITLE, BATCH, *RATES, ratio("of the loop")),
+    "single": (
+        column("size"), column("frame skip"), column("cores", left=True), TITLE, VERSION, *RATES,
+        ratio("x Gymnasium"), ratio("x raw"),
+    ),
+    "starts": (
+        ID, TITLE, VERSION, Column("seconds", lambda row: number(1 / row["rates"]["median"])),
+        Column("range", _seconds),
+    ),
     "training-compare": (
         ID, column("environments", "envs"), *RATES[:2], ratio("x RecurrentPPO"),
         column("ready after s", "ready_seconds", form=number),

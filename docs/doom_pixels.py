@@ -42,8 +42,6 @@ LOOKS = ("plain", "random", "game")
 # The look of the agents in the first table and in the figure.
 SHOWN = "game"
 POINTS, COLUMNS = 50, 3
-# Params that are no rewards.
-LIMITS = ("max_steps_in_episode", "discount")
 Row = dict[str, Any]
 
 
@@ -97,20 +95,22 @@ def _opened(run: Path) -> tuple[Trained, Row]:
         "scale": reward_scale(spec),
         "seeds": len(trained.experiment.runs),
     }
-    own = {name: value for name, value in spec.params.items() if name == LIMITS[0]}
+    kept = "max_steps_in_episode"
+    own = {name: value for name, value in spec.params.items() if name == kept}
     return _in(trained, dataclasses.replace(spec, params=own)), row
 
 
 def reward_scale(spec: Spec) -> float | None:
     """The factor on all of the game's rewards in training; None if they have several."""
-    default = spec.build()[0].default_params
+    env, _ = spec.build()
     factors: set[float | None] = set()
-    for name, value in spec.params.items():
-        if name not in LIMITS:
-            usual = float(getattr(default, name))
-            factors.add(None if isinstance(value, tuple) or not usual else round(value / usual, 6))
-    if not factors:
-        return 1.0
+    for name in env.about().rewards:
+        usual = float(getattr(env.default_params, name))
+        value = spec.params.get(name, usual)
+        if isinstance(value, tuple):
+            factors.add(None)
+        elif usual or value:
+            factors.add(round(value / usual, 6) if usual else None)
     return factors.pop() if len(factors) == 1 else None
 
 

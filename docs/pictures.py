@@ -113,17 +113,17 @@ def draw_episode(name: str) -> int:
     return size
 
 
-def has_looks(name: str) -> bool:
-    """Whether an environment has looks other than plain."""
+def has_patterns(name: str) -> bool:
+    """Whether an environment can have patterned surfaces."""
     try:
-        jaxenstein.make(name, look="random")
+        jaxenstein.make(name, look="patterned")
     except SettingError:
         return False
     return True
 
 
-WITH_LOOKS = tuple(family.ids[0] for family in FAMILIES if has_looks(family.ids[0]))
-"""The first environment of each family that has looks."""
+WITH_LOOKS = tuple(family.ids[0] for family in FAMILIES if has_patterns(family.ids[0]))
+"""The first environment of each family that can have patterned surfaces."""
 
 
 def strip(name: str) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Train in ViZDoom itself, with the same trainer and config, for a given time.
 
-    python -m experiments.in_vizdoom CONFIG --out FILE [--minutes M] [--seed N] ...
+    python -m experiments.in_vizdoom CONFIG --out FILE [--env ID] [--minutes M] [--seed N] ...
 
-CONFIG is a config for `jaxenstein train --config` with a `doom-` environment. Instead of that
-environment, the program steps `num_envs` ViZDoom games
+CONFIG is a config for `jaxenstein train --config` with a `doom-` environment, or `--env` names
+another one. Instead of that environment, the program steps `num_envs` ViZDoom games
 (`jaxenstein.adapters.vizdoom.GameSession`); everything else is the same as in `jaxenstein train`.
 FILE gets a row of metrics after each update. Rewards are those of the game; if CONFIG divides them
 by 100, add `--scale 0.01`. If other programs share the core, use `--clock cpu` (Linux), which
@@ -120,15 +120,20 @@ def cpu_seconds() -> float:
     return total
 
 
+CLOCKS: dict[str, Callable[[], float]] = {"wall": time.perf_counter, "cpu": cpu_seconds}
+
+
 def train(
     config: str,
     minutes: float,
     seed: int,
     clock: Callable[[], float] = time.perf_counter,
     scale: float = 1.0,
+    **options: Any,
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game for some minutes of a clock; yield a row for each update."""
-    experiment = resolve({**read_file(find_config(config)), "seed": seed, "seeds": 1})
+    given = read_file(find_config(config)) | options | {"seed": seed, "seeds": 1}
+    experiment = resolve(given)
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)
@@ -164,13 +169,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("config")
     parser.add_argument("--out", required=True, help="a JSON Lines file")
     parser.add_argument("--minutes", type=float, default=8.0)
-    parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
+    parser.add_argument("--env", help="instead of the environment of CONFIG")
+    parser.add_argument("--clock", choices=CLOCKS, default="wall")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scale", type=float, default=1.0, help="factor on rewards (default 1)")
     arguments = parser.parse_args(argv)
     check_writable(arguments.out)
-    clock = cpu_seconds if arguments.clock == "cpu" else time.perf_counter
-    rows = train(arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale)
+    options = {"env": arguments.env} if arguments.env else {}
+    clock = CLOCKS[arguments.clock]
+    rows = train(
+        arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale, **options
+    )
     for number, row in enumerate(rows):
         if number == 0:
             # An old file stays until the first row replaces it.

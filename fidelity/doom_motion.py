@@ -2,8 +2,8 @@
 
     python -m fidelity.doom_motion [--episodes N] [--seed N]
 
-Needs the extra `bench`. It plays random buttons in the game, and replays them with our motion from
-the same first pose. It prints the number of tics that differ in any bit, which should be 0.
+Needs the extra `vizdoom`. It plays random buttons in the game, and replays them with our motion
+from the same first pose. It prints the number of tics that differ in any bit, which should be 0.
 """
 
 from __future__ import annotations

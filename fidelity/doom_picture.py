@@ -136,6 +136,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")
     options = parser.parse_args(argv)
     if options.record:
+        if options.only or options.particles:
+            parser.error("--record records all scenarios, without particles")
         check_writable(options.record)
     names = [options.only] if options.only else SCENARIOS
     if options.record:

@@ -1,6 +1,6 @@
 """Compare the returns of scripted players in Doom's scenarios here and in the game.
 
-    python -m fidelity.doom_players [--episodes N] [--seed N] [ID ...]
+    python -m fidelity.doom_players [--episodes N] [--seed N] [--only PLAYER ...] [ID ...]
 
 Needs the extra `vizdoom`. The same players act in both: in the game, they see our state, filled
 from the objects and the variables of the game. It prints mean returns and lengths, and marks
@@ -204,7 +204,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Play and print the table; return 1 if a difference is larger than chance explains."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     parser.add_argument(
-        "ids", nargs="*", metavar="ID", default=IDS, help="scenarios (default: all)"
+        "ids",
+        nargs="*",
+        metavar="ID",
+        default=IDS,
+        help="scenarios (default: all but doom-deathmatch)",
     )
     parser.add_argument("--episodes", type=int, default=200, help="episodes (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")

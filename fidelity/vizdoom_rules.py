@@ -2,7 +2,7 @@
 
     python -m fidelity.vizdoom_rules [--only health|home] [--seed N]
 
-Needs the extra `bench`. Each row of the table has the number of episodes, steps or things. The
+Needs the extra `vizdoom`. Each row of the table has the number of episodes, steps or things. The
 games use their own config files, except for the size of the screen. Each decision calls
 `make_action` once; with frame skip 4, the game repeats the action.
 """

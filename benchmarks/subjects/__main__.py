@@ -6,28 +6,31 @@ It prepares the subject and prints one JSON line that describes it. It answers e
 of the subject.
 
 A name has a kind, for some kinds a number of environments, and options, such as
-`scan-64 id=key-door size=84x84`. The other modules of this package document kinds and options.
-Unknown options only make names different.
+`scan-64 id=key-door size=84x84`. The other modules of this package document kinds and options. With
+`busy=1`, another process runs while the subject steps. Unknown options only make names different.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import importlib.metadata
 import json
 import os
 import platform
 import re
+import subprocess
 import sys
 import time
+from collections.abc import Iterator
 
 from benchmarks.subjects.common import Chunk, notes
 
 # The modules of kinds that are not in `own.py`, by the first word of the kind.
 MODULES = {"vizdoom": "peers", "envpool": "peers", "miniworld": "peers"}
 MODULES |= {"adapter": "adapters", "sb3": "sb3", "training": "training"}
-MODULES |= {"convolution": "convolutions"}
+MODULES |= {"gymnasium": "adapters", "start": "adapters", "convolution": "convolutions"}
 # Packages whose versions are reported if they are loaded, by module.
 PACKAGES = {
     **{name: name for name in ("jax", "jaxlib", "numpy", "gymnasium", "vizdoom", "envpool")},
@@ -65,6 +68,16 @@ def answer(chunk: Chunk, seconds: float) -> dict[str, float]:
     return {"steps": steps, "seconds": elapsed}
 
 
+@contextlib.contextmanager
+def neighbour() -> Iterator[None]:
+    """Keep one core busy with another process."""
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
 def main() -> None:
     """Prepare one subject and serve requests until standard input ends."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -82,8 +95,11 @@ def main() -> None:
     ready = time.perf_counter() - began
     described = {"versions": versions(), "notes": notes, "ready_seconds": ready}
     print(json.dumps(described), file=replies)
+    beside = neighbour if "busy=1" in arguments.name.split() else contextlib.nullcontext
     for line in sys.stdin:
-        print(json.dumps(answer(chunk, json.loads(line)["seconds"])), file=replies)
+        with beside():
+            measured = answer(chunk, json.loads(line)["seconds"])
+        print(json.dumps(measured), file=replies)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,18 @@
-"""Gymnasium's adapters as subjects, `adapter-KIND-B`, beside the native loop `adapter-loop-B`.
+"""Gymnasium's adapters as subjects.
 
-All play `my-way-home` at 64x64 with the same random policy. It reads one pixel of every frame, so
-that frames are really computed.
+- `adapter-KIND-B` beside the native loop `adapter-loop-B`: `my-way-home` at 64x64;
+- `gymnasium`: one environment of `gymnasium.make` with the default settings of JAX; options `id`,
+  `size` and `frame_skip`;
+- `start`: a new process until the frame of the first step of that environment.
+
+All have the same random policy. It reads one pixel of every frame, so that frames are really
+computed.
 """
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -13,16 +20,25 @@ import jax
 import numpy as np
 
 from benchmarks.subjects.common import (
+    ENVIRONMENT_ID,
     SIZE,
     Builder,
     Chunk,
     Options,
     Subjects,
+    image_size,
     random_loop,
 )
 from benchmarks.subjects.own import own_environment
+from benchmarks.subjects.peers import gymnasium_loop
 
 MIDDLE = SIZE // 2
+FIRST_STEP = """
+import sys, gymnasium, jaxenstein
+env = gymnasium.make(sys.argv[1])
+env.reset(seed=0)
+env.step(0)
+"""
 
 
 def on_host(build: Callable[[Any, Any, int], Callable[[Any], Any]]) -> Builder:
@@ -94,7 +110,36 @@ def gymnasium_single(env: Any, params: Any, batch: int) -> Any:
     return step
 
 
+def gymnasium_default(batch: int, options: Options) -> Chunk:
+    """One environment as `gymnasium.make` builds it."""
+    import gymnasium
+
+    assert batch == 1
+    width, height = image_size(options)
+    skip = int(options.get("frame_skip", 1))
+    env = gymnasium.make(_name(options), width=width, height=height, frame_skip=skip)
+    return gymnasium_loop(env, lambda obs: obs, lambda frame: frame)
+
+
+def start(batch: int, options: Options) -> Chunk:
+    """New processes, each of which makes one step."""
+    assert batch == 1
+
+    def chunk() -> int:
+        subprocess.run([sys.executable, "-c", FIRST_STEP, _name(options)], check=True)
+        return 1
+
+    return chunk
+
+
+def _name(options: Options) -> str:
+    """The name of the environment for `gymnasium.make`."""
+    return f"jaxenstein/{options.get('id', ENVIRONMENT_ID)}-v0"
+
+
 SUBJECTS: Subjects = {
+    "gymnasium": gymnasium_default,
+    "start": start,
     "adapter-loop": on_host(loop),
     "adapter-gymnasium-single": on_host(gymnasium_single),
     "adapter-gymnasium-same-step": on_host(gymnasium_vector),

@@ -25,10 +25,10 @@ TRAINED_STEPS = 10_000_000
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
 # Scenarios with `look="game"`.
 PICTURED = ("my-way-home", "health-gathering", "health-gathering-supreme", "defend-the-center")
-SHOOTING = (
-    "basic", "defend-the-center", "defend-the-line", "deadly-corridor", "predict-position",
-    "take-cover", "deathmatch",
+FIGHTS = (
+    "defend-the-center", "defend-the-line", "deadly-corridor", "take-cover", "deathmatch",
 )  # fmt: skip
+SHOOTING = ("basic", "predict-position", *FIGHTS)
 
 # Facts for readers that only the running subject knows, such as the renderer.
 notes: dict[str, str] = {}

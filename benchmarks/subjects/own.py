@@ -3,6 +3,8 @@
 - `scan-B`: a random policy in one compiled scan; options `id`, `size`, and those of `SETTINGS`,
   which other kinds have, too;
 - `loop`: one environment, with one call per step;
+- `compile`: tracing and compiling a function of one environment; options `id` and `of`, which is
+  `reset`, `step` or `observe`;
 - `spread-B devices=N`: the scan over simulated devices (`benchmarks/spread.py`).
 """
 
@@ -97,8 +99,30 @@ def loop(batch: int, options: Options) -> Chunk:
     return random_loop(advance, env.num_actions, 64, 1)
 
 
+def compiling(batch: int, options: Options) -> Chunk:
+    """Tracing and compiling a function of one environment, as if for the first time."""
+    assert batch == 1
+    env, params = own_environment(options)
+    key = jax.random.key(0)
+    _, state = jax.eval_shape(env.reset, key, params)
+    functions: dict[str, tuple[Any, ...]] = {
+        "reset": (env.reset, key, params),
+        "step": (env.step, key, state, np.int32(0), params),
+        "observe": (env.observe, state, params),
+    }
+    function, *args = functions[options["of"]]
+
+    def chunk() -> int:
+        jax.clear_caches()
+        jax.jit(function).lower(*args).compile()
+        return 1
+
+    return chunk
+
+
 SUBJECTS: Subjects = {
     "scan": scan,
+    "compile": compiling,
     "loop": loop,
     "spread": spread,
 }

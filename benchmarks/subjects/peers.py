@@ -3,7 +3,7 @@
 As in this project's own subjects, a pixel of each frame shifts the next action. This module imports
 neither JAX nor this project. Options of the ViZDoom subjects: `scenario`, one of `SCENARIOS` or
 `SHOOTING`; `size`, one of ViZDoom's resolutions; `resize`, which resizes frames to 64x64 by `area`
-or `linear`, or not at all (`none`).
+or `linear`, or not at all (`none`); `frame_skip`.
 """
 
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
@@ -47,7 +47,7 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
     import vizdoom.gymnasium_wrapper
 
     assert batch == 1
-    chosen: dict[str, Any] = {"frame_skip": 1}
+    chosen: dict[str, Any] = {"frame_skip": _frame_skip(options)}
     if "size" in options:
         chosen["screen_resolution"] = _resolution(vizdoom, options, "")
     env = gymnasium.make(f"Vizdoom{scenario(options)}-v1", **chosen)
@@ -77,10 +77,10 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     every = game.get_available_buttons()
     keys = [i for i, button in enumerate(every) if not vizdoom.is_delta_button(button)]
     buttons = [[float(i == key) for i in range(len(every))] for key in (-1, *keys)]
-    resize = resizer(options.get("resize", "none"))
+    resize, skip = resizer(options.get("resize", "none")), _frame_skip(options)
 
     def step(action: int) -> int:
-        game.make_action(buttons[action], 1)
+        game.make_action(buttons[action], skip)
         if game.is_episode_finished():
             game.new_episode()
         return middle(resize(game.get_state().screen_buffer))
@@ -175,6 +175,10 @@ def resizer(kind: str) -> Callable[[np.ndarray], np.ndarray]:
     cv2.setNumThreads(1)
     how = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}[kind]
     return lambda frame: cv2.resize(frame, (SIZE, SIZE), interpolation=how)
+
+
+def _frame_skip(options: Options) -> int:
+    return int(options.get("frame_skip", 1))
 
 
 def _resolution(vizdoom: Any, options: Options, usual: str) -> Any:

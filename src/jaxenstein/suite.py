@@ -96,7 +96,7 @@ class Suite:
 
 
 TASKS = (
-    Task("simple", 0, "exploration", "A reward at the end of a ring, 53 decisions away.", 1),
+    Task("simple", 0, "exploration", "A reward at the end of a ring, 64 decisions away.", 1),
     Task("key-door", 0, "exploration", "The goal is behind a door whose key is elsewhere.", 1),
     Task(
         "dmlab-static-01",
@@ -196,7 +196,7 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
             then use levels that never occur in training.
 
     Returns:
-        The environment, without automatic resets, and its params.
+                The environment and its params.
 
     Raises:
         SettingError: the task or suite does not exist.
@@ -207,7 +207,8 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
         >>> env.height, env.width, env.frame_skip
         (16, 16, 3)
     """
-    return suite_of(suite).spec(task_of(id), test=test).build()
+        env, params = suite_of(suite).spec(task_of(id), test=test).build()
+    return dataclasses.replace(env, autoreset="same-step"), params
 
 
 def task_of(id: str) -> Task:

@@ -50,6 +50,7 @@ def test_the_page_has_what_was_measured() -> None:
         (BASIC, 0.01),
         (BASIC | {"max_steps_in_episode": 8, "discount": 0.9}, 0.01),
         (BASIC | {"shot_reward": -0.1}, None),
+        ({"living_reward": -0.01}, None),
     ],
 )
 def test_scale_of_rewards(params: dict[str, float], scale: float | None) -> None:

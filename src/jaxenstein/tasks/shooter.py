@@ -316,7 +316,7 @@ class Shooter(DoomScenario[ShooterState, ShooterParams]):
     @functools.cached_property
     def fireballs(self) -> Missiles:
         """The fireballs of monsters."""
-        acts = [[frame.act for frame in kind.missile] for kind in self.horde.kinds]
+        acts = [[frame.act for frame in (*kind.melee, *kind.missile)] for kind in self.horde.kinds]
         throwers = sum(Act.THROW in acts[number] for number in self.horde.kind_of)
         return fireballs(min(_BALLS * throwers, _MOST_BALLS))
 

@@ -145,7 +145,9 @@ class DoomBasic(DoomScenario[DoomBasicState, DoomBasicParams]):
     @property
     def scenario(self) -> str | None:
         """Its name in ViZDoom; Rocket Basic plays in the room of Simpler Basic."""
-        return "rocket_basic" if self.rocket else super().scenario
+        if self.rocket:
+            return "rocket_basic" if self.hall == "simpler-basic" else None
+        return super().scenario
 
     @functools.cached_property
     def arsenal(self) -> Arsenal:

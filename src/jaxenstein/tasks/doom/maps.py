@@ -312,19 +312,19 @@ class FreePlaces:
     Attributes:
         corner: int32[R, 2], west and south end of each in map units.
         columns: int32[R], the width of each in cells.
-        before: int32[R], the number of cells of all rectangles up to and including this one.
+        ends: int32[R], the number of cells of all rectangles up to and including this one.
     """
 
     corner: np.ndarray
     columns: np.ndarray
-    before: np.ndarray
+    ends: np.ndarray
 
     def sample(self, bits: jax.Array) -> jax.Array:
         """int32[..., 2]: uniform positions in map units (16.16), from random uint32[..., 3]."""
-        cell = sample_index(bits[..., 0], int(self.before[-1]))
-        later = cell[..., None] >= jnp.asarray(self.before).reshape((1,) * cell.ndim + (-1,))
+        cell = sample_index(bits[..., 0], int(self.ends[-1]))
+        later = cell[..., None] >= jnp.asarray(self.ends).reshape((1,) * cell.ndim + (-1,))
         row = jnp.sum(later, axis=-1, dtype=jnp.int32)
-        first = np.concatenate([[0], self.before[:-1]]).astype(np.int32)
+        first = np.concatenate([[0], self.ends[:-1]]).astype(np.int32)
         corner, columns, start = (
             jnp.asarray(table).at[row].get(mode="promise_in_bounds")
             for table in (self.corner, self.columns, first)
@@ -378,5 +378,5 @@ def _rectangles(free: np.ndarray, low: np.ndarray) -> FreePlaces:
     return FreePlaces(
         corner=(table[:, :2] * GRAIN + low).astype(np.int32),
         columns=table[:, 2],
-        before=np.cumsum(table[:, 2] * table[:, 3]).astype(np.int32),
+        ends=np.cumsum(table[:, 2] * table[:, 3]).astype(np.int32),
     )

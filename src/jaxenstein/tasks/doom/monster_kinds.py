@@ -7,7 +7,7 @@ the pictures of demons, imps and marines were measured on screens of 1280 by 960
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from ...maps import things
 from ...maps.things import RGB
@@ -88,7 +88,8 @@ class MonsterKind:
         dice: damage is this times the roll of a die.
         sides: sides of that die.
         rays: bullets per shot.
-        spread: bits by which the sum of two bytes is shifted to give the angle error of a bullet.
+        spread: bits by which the difference of two bytes is shifted to give the angle error of a
+            bullet.
         reach: range of bullets, in map units.
         ball_speed: speed of its fireballs, map units per tic.
         ball_dice: the damage of a fireball is this times the roll of a die.
@@ -117,7 +118,7 @@ class MonsterKind:
     ball_speed: int = 10
     ball_dice: int = 3
     ball_sides: int = 8
-    die: tuple[MonsterFrame, ...] = field(default=(MonsterFrame(FOREVER, Pose.DEAD),))
+    die: tuple[MonsterFrame, ...] = (MonsterFrame(FOREVER, Pose.DEAD),)
 
 
 def standing(kind: MonsterKind) -> MonsterKind:

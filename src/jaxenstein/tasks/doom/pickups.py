@@ -60,7 +60,7 @@ class Pickup:
     @property
     def several(self) -> str:
         """The event of taking {} of them."""
-        return "took {} medkits" if self.name == "medkit" else f"took {{}} times {self.name}"
+        return "took {} medkits" if self.name == "medkit" else f"took {self.name} {{}} times"
 
 
 class Pickups(Part):

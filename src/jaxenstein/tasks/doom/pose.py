@@ -22,9 +22,9 @@ ANY_ANGLE = (0, ONE)
 class DoomState(State):
     """The state of a body in Doom.
 
-    The four fields after `heading` are the game's own. `position` and `heading` are computed from
-    them in each step, and observations are rendered from those two. If you change the four, the
-    state continues as the game would.
+    The four fields after `heading` are the game's own, and observations are rendered from them.
+    Each step computes `position` and `heading` from them, for maps, `info` and players that know
+    tiles. If you change the four, the state continues as the game would.
 
     Attributes:
         fixed_position: int32[2], map units in 16.16, x eastwards and y northwards.

@@ -261,8 +261,9 @@ def lead_and_shoot(env: DoomPredictPosition, params: Any) -> Choose:
     del params
     left, right, shoot = (env.index_of(name) for name in (TURN_LEFT, TURN_RIGHT, ATTACK))
     weapon, step = ROCKET_LAUNCHER, int(env.horde.speed[0])
+    tics = int(env.horde.frame_tics[env.horde.walk[0]])
     angles = np.arange(8) * (math.pi / 4)
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1) * (step / env.horde.frame_tics.min())
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1) * (step / tics)
 
     def choose(key: jax.Array, state: DoomPredictState) -> jax.Array:
         del key

@@ -264,7 +264,7 @@ def fireballs(count: int, pictured: bool = False, knights: bool = False) -> Miss
     Args:
         count: how many there may be.
         pictured: whether they have the game's pictures.
-        knights: whether these are of the fireballs of hell knights.
+        knights: whether they have the pictures of those of hell knights.
     """
     objects = (
         GameObject("DoomImpBall", FIREBALL.label, _FIREBALLS),

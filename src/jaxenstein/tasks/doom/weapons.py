@@ -44,8 +44,8 @@ class Weapon:
         ready: tics from pressing ATTACK until it can be pressed again.
         dice: the damage of a bullet is this times the roll of a die.
         sides: sides of that die.
-        spread: bits by which the sum of two bytes is shifted to give the angle error of all shots
-            of a held trigger except the first; 0 if there is none.
+        spread: bits by which the difference of two bytes is shifted to give the angle error of all
+            shots of a held trigger except the first; 0 if there is none.
         speed: speed of its rockets, map units per tic; 0 if it fires bullets.
         locks: whether, once raised, it stays locked until ATTACK is released.
         picture: its picture in the player's hands, farthest layer first.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 pytest.importorskip("stable_baselines3")
 
-from experiments import way_back  # noqa: E402
+from experiments import sb3_in_vizdoom  # noqa: E402
 
 
 class Toy(gymnasium.Env):
@@ -43,15 +45,25 @@ def test_agent_is_trained_in_the_game_and_acts_in_both(
         made.append(module)
         return Toy({"jaxenstein": 2.0}.get(module, 100.0))
 
-    monkeypatch.setattr(way_back, "seen", seen)
-    monkeypatch.setattr(way_back, "SETTINGS", {"n_steps": 4, "batch_size": 8, "n_epochs": 1})
-    game, model = "vizdoom.gymnasium_wrapper", tmp_path / "model.zip"
-    arguments = ["--steps", "32", "--episodes", "4", "--model", str(model)]
-    way_back.main(arguments)
-    assert made == [game] * way_back.GAMES + [game, "jaxenstein"]
+    monkeypatch.setattr(sb3_in_vizdoom, "seen", seen)
+    monkeypatch.setattr(sb3_in_vizdoom, "SETTINGS", {"n_steps": 8, "batch_size": 8, "n_epochs": 1})
+    monkeypatch.setattr(sb3_in_vizdoom, "GAMES", 2)
+    # A second passes between two looks at the clock.
+    monkeypatch.setitem(sb3_in_vizdoom.CLOCKS, "wall", itertools.count().__next__)
+    game, model, rows = "vizdoom.gymnasium_wrapper", tmp_path / "model.zip", tmp_path / "rows"
+    arguments = ["--minutes", "0.25", "--episodes", "4", "--model", str(model), "--rows", str(rows)]
+    sb3_in_vizdoom.main(arguments)
+    assert made == [game, game, game, "jaxenstein"]
     told = capsys.readouterr().out
-    # Returns of training are a hundredth.
+    # Learned from a hundredth of the rewards.
     assert "| 3 " in " ".join(told.split())
     assert told.endswith("in ViZDoom: 300 (300 to 300)\nhere: 6 (6 to 6)\n")
-    way_back.main(arguments)
-    assert made[way_back.GAMES + 2 :] == [game, "jaxenstein"]
+    # Two games of eight steps hold four whole episodes of three.
+    first, *_ = map(json.loads, rows.read_text("utf-8").splitlines())
+    assert first == {
+        "seed": 0, "steps": 16, "seconds": 9, "episodes": 4, "return_sum": pytest.approx(1200),
+    }  # fmt: skip
+    rows.unlink()
+    sb3_in_vizdoom.main(arguments)
+    assert made[4:] == [game, "jaxenstein"]
+    assert not rows.exists()
