@@ -53,6 +53,10 @@ def test_generalisation_tasks_are_tested_on_test_levels():
     assert sides == ["train", "test"]
 
 
+def test_environments_reset_themselves():
+    assert {suite.make("simple", test=test)[0].autoreset for test in (False, True)} == {"same-step"}
+
+
 def test_wrong_names_are_refused():
     with pytest.raises(
         SettingError, match=r"no task 't-maz', did you mean 't-maze'.*; its tasks are sim"

@@ -207,7 +207,7 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
         >>> env.height, env.width, env.frame_skip
         (16, 16, 3)
     """
-        env, params = suite_of(suite).spec(task_of(id), test=test).build()
+    env, params = suite_of(suite).spec(task_of(id), test=test).build()
     return dataclasses.replace(env, autoreset="same-step"), params
 
 

@@ -45,7 +45,7 @@ def test_the_page_says_what_was_measured() -> None:
     guessed, ends = ppo["minigrid-memory-s13"].returns, suite.references()["minigrid-memory-s13"]
     earned = mean_interval(guessed)
     assert earned.low < 0.5 < earned.high
-    assert f"as a guess, {normalised(0.5, ends.random, ends.expert):.2f}." in page
+    assert f"a guess scores {normalised(0.5, ends.random, ends.expert):.2f}." in page
     *others, best = sorted(ppo["key-corridor-s3r3"].successes.mean(axis=1))
     assert f"reaches the goal in {100 * best:.0f} % of the test episodes" in page
     assert max(others) == 0.01
