@@ -50,8 +50,29 @@ class Walk(NamedTuple):
     walked: jax.Array
 
 
-def walk_on(walk: Walk, key: jax.Array, state: Any, num_actions: int) -> tuple[Walk, jax.Array]:
-    """The next action: 0 left, 1 right, 2 forward, 4 interact."""
+class Acts(NamedTuple):
+    """The actions of the player, -1 without one: to the left, to the right, forward, interact."""
+
+    left: int
+    right: int
+    ahead: int
+    hand: int
+
+
+def acts_of(names: Sequence[str]) -> Acts:
+    """The player's actions among those of an environment; it sidesteps where it cannot turn."""
+    wanted = (
+        ("turn left", "move left"),
+        ("turn right", "move right"),
+        ("forward",),
+        ("interact", "pick up"),
+    )
+    numbers = {name: number for number, name in enumerate(names)}
+    return Acts(*(next((numbers[n] for n in each if n in numbers), -1) for each in wanted))
+
+
+def walk_on(walk: Walk, key: jax.Array, state: Any, acts: Acts) -> tuple[Walk, jax.Array]:
+    """The next action."""
     turn_key, side_key, hand_key = jax.random.split(key, 3)
     stuck = walk.walked & jnp.all(walk.position == state.position)
     # A turn now and then, even if not blocked, lets it explore more.
@@ -60,11 +81,13 @@ def walk_on(walk: Walk, key: jax.Array, state: Any, num_actions: int) -> tuple[W
     side = jnp.where(jax.random.bernoulli(side_key), 1, -1).astype(jnp.int32)
     turns = jnp.where((stuck | drift) & (walk.turns == 0), angle * side, walk.turns)
     turning = turns != 0
-    touching = (num_actions > 4) & stuck & (jax.random.uniform(side_key) < 0.5)
-    action = jnp.where(turning, jnp.where(turns < 0, 0, 1), 2).astype(jnp.int32)
-    action = jnp.where(touching, 4, action).astype(jnp.int32)
+    touching = (acts.hand >= 0) & stuck & (jax.random.uniform(side_key) < 0.5)
+    sides = jnp.where(turns < 0, acts.left, acts.right)
+    action = jnp.where(touching, acts.hand, jnp.where(turning, sides, acts.ahead))
     turns = jnp.where(touching, turns, turns - jnp.sign(turns))
-    return Walk(turns, state.position, action == 2), action
+    walked = action == acts.ahead
+    # Without a way ahead, the first action: waiting, in Doom.
+    return Walk(turns, state.position, walked), jnp.maximum(action, 0).astype(jnp.int32)
 
 
 def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
@@ -75,10 +98,12 @@ def play(env: Env, params: Any, seed: int) -> tuple[Any, np.ndarray]:
         uint8[EPISODES, STEPS // EVERY, h, w].
     """
 
+    acts = acts_of(env.action_names)
+
     def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
         _, state, walk = carry
         policy_key, step_key = jax.random.split(key)
-        walk, action = walk_on(walk, policy_key, state, env.num_actions)
+        walk, action = walk_on(walk, policy_key, state, acts)
         obs, state, *_ = env.step(step_key, state, action, params)
         return (obs, state, walk), None
 

@@ -19,6 +19,7 @@ from jaxenstein import make
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.environment import Environment
 from jaxenstein.players import Choose, Player, play, player_of, players_of
+from jaxenstein.players.walking import walking_actions
 from jaxenstein.tasks.maze import Maze, far_starts
 from jaxenstein.tasks.navigation import MapGoalTask
 from jaxenstein.tasks.steering import centres, sample_heading
@@ -42,11 +43,12 @@ def mean_and_error(values: Any) -> tuple[float, float]:
 
 def random_walk(env: Environment[Any, Any], params: Any) -> Choose:
     """Random turns and steps forward, the buttons of the originals."""
-    del env, params
+    del params
+    moves = jnp.array(walking_actions(env.action_names))
 
     def choose(key: jax.Array, state: Any) -> jax.Array:
         del state
-        return jax.random.randint(key, (), 0, 3, jnp.int32)
+        return moves[jax.random.randint(key, (), 0, 3, jnp.int32)]
 
     return choose
 
@@ -140,7 +142,8 @@ def _ends_at_a_goal(name: str) -> bool:
 
 def _players_of(name: str) -> list[str]:
     env = make(name)[0]
-    walk = ["random_walk"] if env.num_actions > 3 else []
+    walks = {"turn left", "turn right", "forward"} < {*env.action_names}
+    walk = ["random_walk"] if walks else []
     return ["idle", "random", *walk, env.about().expert]
 
 

@@ -22,8 +22,9 @@ from jaxenstein.errors import SettingError
 ROOT = Path(__file__).parents[2]
 
 
-def test_frames_are_drawn_from_the_states():
-    env, params = jaxenstein.make("simple", height=6, width=8)
+@pytest.mark.parametrize("name", ["simple", "doom-my-way-home"])
+def test_frames_are_drawn_from_the_states(name):
+    env, params = jaxenstein.make(name, height=6, width=8)
     obs, state = jax.vmap(env.reset, (0, None))(jax.random.split(jax.random.key(0), 3), params)
     first, place = np.asarray(obs), np.asarray(state.position)
     state, obs, _ = make_frames(env, params, 5)((state, obs, jnp.copy(state.position)))
