@@ -64,7 +64,7 @@ PARTNERS: dict[str, Partner] = {
     ),
     "sb3": Partner(
         (_TORCH, "stable-baselines3>=2.4"),
-        ("adapters/test_sb3.py", "experiments/test_way_back.py", _EVERY),
+        ("adapters/test_sb3.py", "experiments/test_sb3_in_vizdoom.py", _EVERY),
         ("torch", "stable_baselines3"),
         "3.11",
     ),
