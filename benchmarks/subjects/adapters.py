@@ -26,6 +26,7 @@ from benchmarks.subjects.common import (
     Chunk,
     Options,
     Subjects,
+    frame_skip,
     image_size,
     random_loop,
 )
@@ -116,8 +117,8 @@ def gymnasium_default(batch: int, options: Options) -> Chunk:
 
     assert batch == 1
     width, height = image_size(options)
-    skip = int(options.get("frame_skip", 1))
-    env = gymnasium.make(_name(options), width=width, height=height, frame_skip=skip)
+    chosen = {"width": width, "height": height, "frame_skip": frame_skip(options)}
+    env = gymnasium.make(_name(options), **chosen)
     return gymnasium_loop(env, lambda obs: obs, lambda frame: frame)
 
 

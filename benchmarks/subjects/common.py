@@ -78,6 +78,11 @@ def middle(frame: np.ndarray) -> int:
     return int(frame[frame.shape[0] // 2, frame.shape[1] // 2, 0])
 
 
+def frame_skip(options: Options) -> int:
+    """The option `frame_skip`, 1 by default."""
+    return int(options.get("frame_skip", 1))
+
+
 def image_size(options: Options, usual: str = f"{SIZE}x{SIZE}") -> tuple[int, int]:
     """(width, height) of the option `size`, such as 84x84."""
     width, _, height = options.get("size", usual).partition("x")

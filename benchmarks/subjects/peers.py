@@ -22,6 +22,7 @@ from benchmarks.subjects.common import (
     Chunk,
     Options,
     Subjects,
+    frame_skip,
     image_size,
     middle,
     notes,
@@ -47,7 +48,7 @@ def vizdoom_gymnasium(batch: int, options: Options) -> Chunk:
     import vizdoom.gymnasium_wrapper
 
     assert batch == 1
-    chosen: dict[str, Any] = {"frame_skip": _frame_skip(options)}
+    chosen: dict[str, Any] = {"frame_skip": frame_skip(options)}
     if "size" in options:
         chosen["screen_resolution"] = _resolution(vizdoom, options, "")
     env = gymnasium.make(f"Vizdoom{scenario(options)}-v1", **chosen)
@@ -77,7 +78,7 @@ def vizdoom_raw(batch: int, options: Options) -> Chunk:
     every = game.get_available_buttons()
     keys = [i for i, button in enumerate(every) if not vizdoom.is_delta_button(button)]
     buttons = [[float(i == key) for i in range(len(every))] for key in (-1, *keys)]
-    resize, skip = resizer(options.get("resize", "none")), _frame_skip(options)
+    resize, skip = resizer(options.get("resize", "none")), frame_skip(options)
 
     def step(action: int) -> int:
         game.make_action(buttons[action], skip)
@@ -175,10 +176,6 @@ def resizer(kind: str) -> Callable[[np.ndarray], np.ndarray]:
     cv2.setNumThreads(1)
     how = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}[kind]
     return lambda frame: cv2.resize(frame, (SIZE, SIZE), interpolation=how)
-
-
-def _frame_skip(options: Options) -> int:
-    return int(options.get("frame_skip", 1))
 
 
 def _resolution(vizdoom: Any, options: Options, usual: str) -> Any:

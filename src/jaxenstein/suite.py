@@ -196,7 +196,7 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
             then use levels that never occur in training.
 
     Returns:
-                The environment and its params.
+        The environment, which resets in the step that ends an episode, and its params.
 
     Raises:
         SettingError: the task or suite does not exist.

@@ -13,6 +13,7 @@ import pytest
 
 import jaxenstein
 from benchmarks import device
+from benchmarks.measure import Subject, Worker
 from benchmarks.spread import make_mesh, make_spread_rollout
 from benchmarks.subjects import own
 from benchmarks.subjects.__main__ import prepare
@@ -48,6 +49,19 @@ def test_own_subjects(monkeypatch, kind):
 def test_adapters(monkeypatch, adapter):
     pytest.importorskip("gymnasium")
     assert prepare(f"adapter-{adapter} id=simple")() > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gymnasium id=simple size=8x6 busy=1", "start id=simple",
+                                  "compile id=simple size=8x6 of=observe"])  # fmt: skip
+def test_subjects_with_default_settings(name):
+    """In processes of their own: only this test runs the real protocol of subjects."""
+    pytest.importorskip("gymnasium")
+    worker = Worker(Subject(name, "", flags=""), None)
+    try:
+        assert worker.measure(0.01) > 0
+    finally:
+        worker.close()
 
 
 @pytest.mark.slow
