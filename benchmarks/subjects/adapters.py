@@ -117,8 +117,8 @@ def gymnasium_default(batch: int, options: Options) -> Chunk:
 
     assert batch == 1
     width, height = image_size(options)
-    chosen = {"width": width, "height": height, "frame_skip": frame_skip(options)}
-    env = gymnasium.make(_name(options), **chosen)
+    skip = frame_skip(options)
+    env = gymnasium.make(_name(options), width=width, height=height, frame_skip=skip)
     return gymnasium_loop(env, lambda obs: obs, lambda frame: frame)
 
 
