@@ -45,7 +45,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment
         assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
-        assert (about.config.algo, about.recipe, about.config.total_steps) == ("ppo", "tuned", 188)
+        assert (about.config.algo, about.recipe, about.config.total_steps) == ("ppo", "long", 188)
     assert main(train) == 2
     assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0

@@ -48,7 +48,7 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
         )
     resolve = baselines("options").resolve
     common = {
-        "recipe": "tuned",
+        "recipe": "long",
         "seeds": suite.SEEDS,
         **given,
         "total_steps": round(chosen.total_steps * budget),
