@@ -40,9 +40,8 @@ def test_the_page_says_what_was_measured() -> None:
     ppo = suite.baselines()["PPO (baseline)"]
     for task in ("simple", "dmlab-static-01"):
         assert not ppo[task].successes.any()
-    assert [*ppo["key-door"].successes.mean(axis=1)].count(1) == 1
-    assert ppo["key-door"].successes.mean() == 1 / 5
-    assert [*ppo["t-maze"].returns.any(axis=1)].count(False) == 4
+    assert sorted(ppo["key-door"].successes.mean(axis=1)) == [0, 0, 0, 0, 1]
+    assert np.sum(np.any(ppo["t-maze"].returns, axis=1)) == 1
     # A guess earns 0.5 in minigrid-memory-s13.
     guessed, ends = ppo["minigrid-memory-s13"].returns, suite.references()["minigrid-memory-s13"]
     earned = mean_interval(guessed)
