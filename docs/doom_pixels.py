@@ -193,12 +193,14 @@ def agents_table() -> str:
     """The agents that see the game's pictures."""
     rows = [row for row in stored()["agents"] if row["look"] == SHOWN]
     columns = [(way, place) for way in WAYS for place in (HERE_TOO, GAME)]
-    head = ("scenario", "sees", *(f"{way}, {place}" for way, place in columns), "minutes")
+    tests = (f"{way}, {place}" for way, place in columns)
+    head = ("scenario", "sees", *tests, "million decisions", "minutes")
     cells = [
         [
             f"`{row['id']}`",
             row["sees"],
             *(_shown(row, place, way) for way, place in columns),
+            f"{row['decisions'] / 1e6:.2g}",
             f"{row['minutes']:.3g}",
         ]
         for row in rows
