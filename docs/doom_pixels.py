@@ -1,7 +1,8 @@
 """Agents of Doom's scenarios that see pixels: their returns here and in the game, and their page.
 
-docs/doom_pixels.json has a row for each scenario and look. `add` and `add_looks` write it. The
-tables and the figure of docs/doom-pixels.md have what is there; rows of other scenarios are absent.
+docs/doom_pixels.json has a row for each scenario and look, and for each trainer in the game. `add`,
+`add_looks` and `add_trainer` write it. The tables and figures of docs/doom-pixels.md have what is
+there; rows of other scenarios are absent.
 """
 
 from __future__ import annotations
@@ -33,15 +34,20 @@ from jaxenstein.tasks.doom.scenario import DoomScenario
 from jaxenstein.tasks.doom.wad import find_iwad
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FILE, PAGE = HERE / "doom_pixels.json", HERE / "doom-pixels.md"
-PICTURE = HERE / "images" / "results" / "doom-pixels.png"
+IMAGES = HERE / "images" / "results"
+PICTURE, TRAINERS = (IMAGES / f"doom-{name}.png" for name in ("pixels", "trainers"))
 HERE_TOO, GAME, OTHER = "here", "in ViZDoom", "in ViZDoom, other palette"
 LOOKS = ("plain", "random", "game")
 # The look of the agents in the first table and in the figure.
 SHOWN = "game"
 POINTS, COLUMNS = 50, 3
+# What tells the rows of each part of the file apart.
+KEYS = {"agents": ("id", "look"), "looks": ("id", "look"), "trainers": ("id", "trainer")}
+OURS = "here"
 Row = dict[str, Any]
 
 
@@ -77,6 +83,31 @@ def add_looks(run: Path, episodes: int) -> None:
         ]
         row["tests"] = _tested(parts, episodes)
     _store("looks", row)
+
+
+def add_trainer(trainer: str, id: str, files: Sequence[Path]) -> None:
+    """Store how agents learned in the game.
+
+    Args:
+        trainer: the name of the program that trained them.
+        id: the scenario.
+        files: the rows of each seed, from `experiments.in_vizdoom` or `experiments.sb3_in_vizdoom`.
+    """
+    seeds = [[json.loads(line) for line in file.read_text("utf-8").splitlines()] for file in files]
+    total = "successes" if _measure({"id": id}) == "success" else "return_sum"
+    ends = np.linspace(0, max(rows[-1]["seconds"] for rows in seeds), POINTS // 2 + 1)[1:]
+    row = {"id": id, "trainer": trainer, "minutes": [float(f"{end / 60:.4g}") for end in ends]}
+    _store("trainers", {**row, "values": [_in_parts(rows, total, ends) for rows in seeds]})
+
+
+def _in_parts(rows: Sequence[Row], total: str, ends: np.ndarray) -> list[float | None]:
+    """The mean of the episodes up to each of the ends; None where no episode ended."""
+    part = np.searchsorted(ends, [row["seconds"] for row in rows])
+    sums, counts = np.zeros(len(ends)), np.zeros(len(ends))
+    np.add.at(sums, part, [row[total] for row in rows])
+    np.add.at(counts, part, [row["episodes"] for row in rows])
+    with np.errstate(invalid="ignore"):
+        return [_short(value) for value in sums / counts]
 
 
 def _opened(run: Path) -> tuple[Trained, Row]:
@@ -171,17 +202,19 @@ def _measure(row: Mapping[str, Any]) -> str:
 
 def stored() -> dict[str, list[Row]]:
     """The content of the file."""
-    if not FILE.exists():
-        return {"agents": [], "looks": []}
-    return json.loads(FILE.read_text("utf-8"))
+    there = json.loads(FILE.read_text("utf-8")) if FILE.exists() else {}
+    return {part: there.get(part, []) for part in KEYS}
 
 
 def _store(part: str, row: Row) -> None:
-    """Put a row into the file, in place of the one of the same scenario and look."""
-    rows, own = stored(), (row["id"], row["look"])
-    kept = [one for one in rows[part] if (one["id"], one["look"]) != own]
-    order = list(ENTRIES)
-    rows[part] = sorted([*kept, row], key=lambda one: (order.index(one["id"]), one["look"]))
+    """Put a row into a part of the file, in place of the one with the same keys."""
+    rows, order = stored(), list(ENTRIES)
+
+    def keys(of: Row) -> list[Any]:
+        return [of[key] for key in KEYS[part]]
+
+    kept = [one for one in rows[part] if keys(one) != keys(row)]
+    rows[part] = sorted([*kept, row], key=lambda one: (order.index(one["id"]), keys(one)))
     lines = {name: ",\n  ".join(map(json.dumps, of)) for name, of in rows.items()}
     parts = [f" {json.dumps(name)}: [\n  {of}\n ]" for name, of in lines.items()]
     with atomic(FILE) as temporary:
@@ -252,6 +285,8 @@ def write() -> None:
     PAGE.write_text(with_tables(PAGE.read_text("utf-8")), "utf-8")
     if any(_drawn()):
         save_figure(figure(), [PICTURE])
+    if stored()["trainers"]:
+        save_figure(trainers_figure(), [TRAINERS])
 
 
 def _drawn() -> Iterator[Row]:
@@ -262,25 +297,52 @@ def _drawn() -> Iterator[Row]:
 def figure() -> Figure:
     """Returns over minutes in training, a panel for each scenario: means with 95 % bands."""
     rows = [*_drawn()]
-    lines = -(-len(rows) // COLUMNS)
-    drawing = new_figure(9.6, 0.6 + 2.2 * lines)
-    panels = drawing.subplots(lines, min(COLUMNS, len(rows)), squeeze=False)
-    for axes in panels.flat[len(rows) :]:
-        axes.axis("off")
-    for axes, row in zip(panels.flat, rows, strict=False):
-        values = np.array(row["curve"]["values"], np.float64)
-        mean, low, high = band(values)
-        at, there = np.array(row["curve"]["minutes"]), ~np.isnan(mean)
-        (line,) = axes.plot(at[there], mean[there])
-        axes.fill_between(
-            at[there], low[there], high[there], color=line.get_color(), alpha=0.2, lw=0
-        )
+    drawing, panels = _panels([row["id"] for row in rows])
+    for axes, row in zip(panels, rows, strict=True):
+        _draw_curve(axes, row["curve"]["minutes"], row["curve"]["values"])
         for way in WAYS:
             played = row["tests"][GAME][way][_measure(row)][0]
             axes.axhline(played, color="grey", lw=0.8, ls="--" if way == "greedy" else ":")
-        axes.set_title(row["id"], fontsize="small")
-        axes.set_ylabel(_measure(row), fontsize="small")
-        axes.grid(alpha=0.3)
-        axes.spines[["top", "right"]].set_visible(False)
     drawing.supxlabel("minutes of all seeds; grey: in ViZDoom, greedy (dashed), sampled (dotted)")
     return drawing
+
+
+def trainers_figure() -> Figure:
+    """Returns over minutes of a core for each agent, here and in the game."""
+    rows, here = stored()["trainers"], {row["id"]: row for row in _drawn()}
+    ids = [*dict.fromkeys(row["id"] for row in rows)]
+    drawing, panels = _panels(ids)
+    for axes, id in zip(panels, ids, strict=True):
+        if id in here:
+            curve, seeds = here[id]["curve"], here[id]["seeds"]
+            minutes = np.array(curve["minutes"]) / seeds
+            _draw_curve(axes, minutes, curve["values"], OURS)
+        for row in rows:
+            if row["id"] == id:
+                _draw_curve(axes, row["minutes"], row["values"], row["trainer"])
+    panels[0].legend(frameon=False, fontsize="small")
+    drawing.supxlabel("minutes of a core for each agent")
+    return drawing
+
+
+def _panels(ids: Sequence[str]) -> tuple[Figure, list[Axes]]:
+    """A figure with a panel for each scenario."""
+    lines = -(-len(ids) // COLUMNS)
+    drawing = new_figure(9.6, 0.6 + 2.2 * lines)
+    panels = [*drawing.subplots(lines, min(COLUMNS, len(ids)), squeeze=False).flat]
+    for axes in panels[len(ids) :]:
+        axes.axis("off")
+    for axes, id in zip(panels, ids, strict=False):
+        axes.set_title(id, fontsize="small")
+        axes.set_ylabel(_measure({"id": id}), fontsize="small")
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    return drawing, panels[: len(ids)]
+
+
+def _draw_curve(axes: Axes, at: Any, values: Any, label: str | None = None) -> None:
+    """Means of all seeds with 95 % bands."""
+    at, (mean, low, high) = np.asarray(at), band(np.array(values, np.float64))
+    there = ~np.isnan(mean)
+    (line,) = axes.plot(at[there], mean[there], label=label)
+    axes.fill_between(at[there], low[there], high[there], color=line.get_color(), alpha=0.2, lw=0)

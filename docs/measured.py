@@ -5,6 +5,7 @@
     python -m docs.measured suite [--episodes N] [ID ...]
     python -m docs.measured baselines [RUNS ...]
     python -m docs.measured doom-pixels [--looks] [--episodes N] [RUN ...]
+    python -m docs.measured doom-trainer NAME ID ROWS ...
 
 `returns` writes the returns of scripted players to docs/returns.json, with the versions of the
 environments and of JAX; with ids, it measures only their rows again. `agent` plays whole episodes
@@ -16,6 +17,9 @@ algorithm to the package and to docs/suite.md, with its figures. `doom-pixels` t
 each RUN, which see colours in a scenario of Doom, here and in ViZDoom, and writes
 docs/doom_pixels.json and the tables and the figure of docs/doom-pixels.md. With --looks, it tests
 them in all looks instead. Without RUN, these two only write tables and figures again.
+`doom-trainer` stores how agents of the scenario ID learned in ViZDoom with the trainer NAME, from
+the rows that `experiments.in_vizdoom` or `experiments.sb3_in_vizdoom` wrote for each seed, and
+draws the figure of docs/doom-pixels.md.
 """
 
 from __future__ import annotations
@@ -142,6 +146,12 @@ def measure_doom_pixels(options: argparse.Namespace) -> None:
     doom_pixels.write()
 
 
+def store_doom_trainer(options: argparse.Namespace) -> None:
+    """Store the training of agents in the game, and draw the figure."""
+    doom_pixels.add_trainer(options.name, options.id, options.rows)
+    doom_pixels.write()
+
+
 def write_tables() -> None:
     """Write the tables of docs/suite.md again."""
     SUITE.write_text(with_suite_tables(SUITE.read_text("utf-8")), "utf-8")
@@ -170,6 +180,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     pixels.add_argument("runs", nargs="*", type=Path, metavar="RUN", help="such as runs/basic")
     pixels.add_argument("--looks", action="store_true", help="test in all looks")
     pixels.set_defaults(run_it=measure_doom_pixels)
+    trainer = what.add_parser("doom-trainer")
+    trainer.add_argument("name", metavar="NAME", help="such as Stable-Baselines3")
+    trainer.add_argument("id", metavar="ID", help="such as doom-my-way-home")
+    trainer.add_argument("rows", nargs="+", type=Path, metavar="ROWS", help="a file for each seed")
+    trainer.set_defaults(run_it=store_doom_trainer)
     returns.add_argument("ids", nargs="*", metavar="ID", help="(default: all but variants)")
     returns.set_defaults(run_it=measure_returns)
     agent.add_argument("config", metavar="CONFIG", help="such as simple-skip6")

@@ -10,7 +10,8 @@ draw, too. The agent then plays here without further training. Printed are mean 
 actions, with 95 % intervals.
 
 `--model` keeps the agent; if the file exists, there is no training. `--rows` keeps a row for each
-rollout, like those of `experiments.in_vizdoom`. Needs the extras `sb3` and `vizdoom`.
+rollout, like those of `experiments.in_vizdoom`; a success is an episode with a positive return, as
+in My Way Home. Needs the extras `sb3` and `vizdoom`.
 """
 
 # pyright: reportMissingImports=false
@@ -64,6 +65,7 @@ class Tally(BaseCallback):
             "seconds": round(self._clock() - self._begin, 1),
             "episodes": len(self._returns),
             "return_sum": float(np.sum(self._returns)),
+            "successes": int(np.sum(np.array(self._returns) > 0)),
         }
         self._returns = []
         if self._rows:

@@ -29,7 +29,7 @@ TINY = (
 @pytest.fixture
 def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder in place of the repository's docs."""
-    for name in ("FILE", "PAGE", "PICTURE"):
+    for name in ("FILE", "PAGE", "PICTURE", "TRAINERS"):
         path = tmp_path / getattr(doom_pixels, name).name
         monkeypatch.setattr(doom_pixels, name, path)
     doom_pixels.PAGE.write_text(PAGE)
@@ -61,6 +61,25 @@ def test_without_rows_the_page_has_no_tables(files: Path) -> None:
     measured.main(["doom-pixels"])
     assert doom_pixels.PAGE.read_text() == PAGE
     assert not doom_pixels.PICTURE.exists()
+
+
+def test_training_in_the_game_is_stored_seed_by_seed(files: Path) -> None:
+    """The first seed has an episode in the first half of the time, the second seed has none."""
+    first = [(30, 1, 4.0), (90, 2, 10.0), (120, 1, 20.0)]
+    for seed, rows in enumerate((first, [(120, 2, 6.0)])):
+        lines = [dict(zip(("seconds", "episodes", "return_sum"), row, strict=True)) for row in rows]
+        (files / f"{seed}.jsonl").write_text("\n".join(map(json.dumps, lines)))
+    told = ["doom-trainer", "Another", "doom-basic", *map(str, sorted(files.glob("*.jsonl")))]
+    measured.main(told)
+    measured.main(told)
+    (row,) = json.loads(doom_pixels.FILE.read_text())["trainers"]
+    assert (row["id"], row["trainer"], row["minutes"][-1]) == ("doom-basic", "Another", 2.0)
+    values = [[v for v in of_seed if v is not None] for of_seed in row["values"]]
+    assert values == [[4.0, 5.0, 20.0], [3.0]]
+    first_at, second_at = (row["values"][seed].index(v) for seed, v in ((0, 4.0), (1, 3.0)))
+    assert row["minutes"][first_at] == pytest.approx(0.5, abs=0.08)
+    assert row["minutes"][second_at] == 2
+    assert doom_pixels.TRAINERS.stat().st_size > 1000
 
 
 @pytest.mark.slow

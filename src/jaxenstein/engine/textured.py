@@ -111,7 +111,7 @@ def prepare(
     material = seen.material
     camera = camera.at(places.wall)
     # Pictures have their own seams, so use the light of the middle of a tile.
-    light = theme.light.wall(seen.lit_depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
+    light = theme.light.wall(seen.edge_depth, hits.horizontal, jnp.full_like(hits.along, 0.5))
     # A stage, or some compilers fuse the light with the lookups, whose loop is scalar.
     looked = staged(lambda row: [entry(t, row) for t in (walls.height, walls.down, walls.first)])
     height, down, first = looked(material)

@@ -25,15 +25,13 @@ class WallsSeen(NamedTuple):
     Attributes:
         material: int32[W], the row of `Textures.walls`.
         depth: float32[W], at the place in a pixel of `Sampling.wall`.
-        edge_depth: float32[W], the depth that tells upper and lower edge.
-        lit_depth: float32[W], the depth that tells the light.
+        edge_depth: float32[W], the depth that tells upper and lower edge, and the light.
         texel: int32[W], the column of the picture.
     """
 
     material: jax.Array
     depth: jax.Array
     edge_depth: jax.Array
-    lit_depth: jax.Array
     texel: jax.Array
 
 
@@ -72,7 +70,7 @@ def _of_tiles(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera
             own = camera.at(places.wall)
             edge_depth = _from_end_to_end(heading, hits, depth, ends, own, places.screen)
     texel = _wrapped(texel, textures, material)
-    return WallsSeen(material, depth, edge_depth, edge_depth, texel)
+    return WallsSeen(material, depth, edge_depth, texel)
 
 
 def _of_free_walls(hits: Hits, ends: Ends, textures: Textures, camera: Camera) -> WallsSeen:
@@ -95,7 +93,7 @@ def _of_free_walls(hits: Hits, ends: Ends, textures: Textures, camera: Camera) -
     texel = jnp.minimum(jnp.floor(place), jnp.ceil(length) - 1).astype(jnp.int32)
     if walls.begin is not None:
         texel = texel + entry(walls.begin, material)
-    return WallsSeen(material, depth, edge_depth, edge_depth, _wrapped(texel, textures, material))
+    return WallsSeen(material, depth, edge_depth, _wrapped(texel, textures, material))
 
 
 def _wrapped(texel: jax.Array, textures: Textures, material: jax.Array) -> jax.Array:

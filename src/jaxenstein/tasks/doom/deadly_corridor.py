@@ -51,6 +51,7 @@ class DoomCorridorParams(FightParams):
         goal_reward: reward of reaching the armour.
         death_penalty: subtracted from the reward of the tic in which the player dies.
         way_reward: reward per map unit of progress along the corridor.
+        kill_reward: reward of each monster that dies; the game gives none.
         monster_health: health of each monster.
     """
 
@@ -59,6 +60,7 @@ class DoomCorridorParams(FightParams):
     goal_reward: Scalar = 1000.0
     death_penalty: Scalar = 100.0
     way_reward: Scalar = 1.0
+    kill_reward: Scalar = 0.0
     monster_health: Scalar = number(1, 1)
     damage_factor: Scalar = number(2.0, 0)
 
@@ -176,9 +178,11 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
         reached = touches(fought.reached, jnp.asarray(self.goal.place), REACH) & ~leaves
         way = (state.fixed_position[0] - before).astype(jnp.float32) * jnp.float32(1 / ONE)
         dead = (state.health <= 0) & ~leaves
+        killed = state.kills - kills
         reward = way * params.way_reward + jnp.where(reached, params.goal_reward, 0)
+        reward = reward + killed.astype(jnp.float32) * params.kill_reward
         reward = reward - jnp.where(dead, params.death_penalty, 0)
-        events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - kills}
+        events = {"shots": fought.fires.astype(jnp.int32), "kills": killed}
         events |= {"reached_goal": reached, "died": dead}
         return state.replace(taken=leaves | reached), reward, dead | leaves, events
 
@@ -191,6 +195,7 @@ class DoomDeadlyCorridor(DoomScenario[DoomCorridorState, DoomCorridorParams]):
                 "way_reward": "{:+g} per map unit of progress",
                 "goal_reward": "{:+g} at the armour",
                 "death_penalty": "-{:g} at death",
+                "kill_reward": "{:+g} per monster that dies",
             },
             events={**SHOOTING, "reached_goal": Event("reached the armour"), "died": Event("died")},
             variables={"health": "0 to 100", "ammo": "bullets left", "killed": "monsters killed"},
