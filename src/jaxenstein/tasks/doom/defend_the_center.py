@@ -18,7 +18,7 @@ from ..draws import random_bits
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import Geometry, build_geometry, segments
-from .fight import FightParams, FightState, before_fight, fight
+from .fight import FightParams, FightState, Fought, before_fight, fight
 from .fixed import direction
 from .maps import Line
 from .monster_kinds import CHAINSAW_MARINE, DEMON
@@ -43,6 +43,7 @@ class DoomCenterParams(FightParams):
 
     Attributes:
         kill_reward: reward of each monster that dies.
+        shot_reward: reward of each shot; the game gives none.
         death_penalty: subtracted from the reward of the tic in which the player dies.
         monster_health: health of each monster.
         absence: tics from a monster's death to the next one of its kind.
@@ -51,6 +52,7 @@ class DoomCenterParams(FightParams):
     max_steps_in_episode: Scalar = 2100
     discount: Scalar = 0.99
     kill_reward: Scalar = 1.0
+    shot_reward: Scalar = 0.0
     death_penalty: Scalar = 1.0
     monster_health: Scalar = number(1, 1)
     absence: Scalar = number(90, 1)
@@ -136,11 +138,7 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
         fresh = place, (bits[:, 1] >> 24) << 24, health
         monsters, _ = replaced(self.horde, state.monsters, killed, absence, fresh)
         state = state.replace(monsters=monsters, absence=absence)
-        dead, kills = state.health <= 0, state.kills - before
-        reward = kills.astype(jnp.float32) * params.kill_reward
-        reward = reward - jnp.where(dead, params.death_penalty, 0)
-        events = {"shots": fought.fires.astype(jnp.int32), "kills": kills, "died": dead}
-        return state, reward, dead, events
+        return state, *result_of(state, fought, state.kills - before, params)
 
     def about(self) -> About:
         """A description of the task."""
@@ -151,6 +149,24 @@ def _at_wall(angle: jax.Array) -> jax.Array:
     """int32[..., 2]: the position near the wall at an angle uint32[...]."""
     cosine, sine = direction(angle)
     return jnp.stack([cosine, sine], axis=-1) * DISTANCE
+
+
+def result_of(
+    state: FightState, fought: Fought, kills: jax.Array, params: DoomCenterParams
+) -> tuple[jax.Array, jax.Array, Info]:
+    """The reward of a tic, whether the player is dead, and the events.
+
+    Args:
+        state: the state after the tic.
+        fought: what happened in the fight.
+        kills: int32[], how many monsters died.
+        params: the params.
+    """
+    dead = state.health <= 0
+    reward = kills.astype(jnp.float32) * params.kill_reward
+    reward = reward + jnp.where(fought.fires, params.shot_reward, 0)
+    reward = reward - jnp.where(dead, params.death_penalty, 0)
+    return reward, dead, {"shots": fought.fires.astype(jnp.int32), "kills": kills, "died": dead}
 
 
 def about_defence(**events: Event) -> About:
@@ -164,6 +180,7 @@ def about_defence(**events: Event) -> About:
         ends="when the player dies",
         rewards={
             "kill_reward": "{:+g} per monster that dies",
+            "shot_reward": "{:+g} per shot",
             "death_penalty": "-{:g} at death",
         },
         events={**SHOOTING, **events, "died": Event("died")},

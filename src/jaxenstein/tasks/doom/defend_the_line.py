@@ -16,7 +16,7 @@ from ...params import Params, Scalar, number
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
 from .collision import segments
-from .defend_the_center import DoomCenterParams, about_defence
+from .defend_the_center import DoomCenterParams, about_defence, result_of
 from .fight import FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
 from .monster_kinds import DEMON, IMP, standing
@@ -138,11 +138,8 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
             strength=state.strength + jnp.where(comes, params.growth, 0),
             trigger=trigger.replace(ammo=jnp.minimum(trigger.ammo + 1, self.arsenal.most)),
         )
-        dead, kills = state.health <= 0, state.kills - before
-        reward = kills.astype(jnp.float32) * params.kill_reward
-        reward = reward - jnp.where(dead, params.death_penalty, 0)
-        events = {"shots": fought.fires.astype(jnp.int32), "kills": kills}
-        return state, reward, dead, events | {"hits": hits, "died": dead}
+        reward, dead, events = result_of(state, fought, state.kills - before, params)
+        return state, reward, dead, events | {"hits": hits}
 
     def about(self) -> About:
         """A description of the task."""
