@@ -19,10 +19,21 @@ import numpy as np
 
 from docs.page_parts import HERE, table
 from fidelity.doom_palette import ORDERS, exchanged
-from jaxenstein.baselines.runs.agents import WAYS, evaluate, evaluate_in_game
+from jaxenstein.baselines.runs.agents import (
+    WAYS,
+    chosen_run,
+    evaluate,
+    evaluate_in_game,
+    rounded,
+    write_with_score,
+)
+from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
+from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.metrics import read_seconds
-from jaxenstein.baselines.runs.trained import Trained, load_trained
+from jaxenstein.baselines.runs.options import given_by, read_file, resolve
+from jaxenstein.baselines.runs.trained import HERE as AGENTS
+from jaxenstein.baselines.runs.trained import SUFFIX, Trained, load_trained
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.files import atomic
 from jaxenstein.intervals import mean_interval
@@ -54,25 +65,26 @@ Row = dict[str, Any]
 def add(run: Path, episodes: int) -> None:
     """Test the agents of a run with the rewards of the game, here and in the game.
 
+    The best one becomes part of the package.
+
     Args:
         run: a run directory of agents that see colours in a scenario of ViZDoom.
         episodes: the number of episodes for each seed, way of acting, and place.
     """
     trained, row = _opened(run)
     row |= {
-        "sees": "{}x{}".format(*(row.pop("size"))),
-        "decisions": trained.update * trained.experiment.config.steps_per_update,
         "minutes": round(float(read_seconds(run, trained.update)[-1]) / 60, 1),
         "tests": _tested([(HERE_TOO, trained, False), (GAME, trained, True)], episodes),
         "curve": _curve(run, row),
     }
     _store("agents", row)
+    best = rounded(trained, chosen_run(trained, None), "float16")
+    write_with_score(AGENTS / f"{row['id']}-pixels{SUFFIX}", best, "float16")
 
 
 def add_looks(run: Path, episodes: int) -> None:
     """Test the agents of a run in all looks, and in the game in its own and in other colours."""
     trained, row = _opened(run)
-    del row["size"]
     with tempfile.TemporaryDirectory() as folder:
         other = Path(folder) / "other.wad"
         other.write_bytes(exchanged(find_iwad(), ORDERS[0]))
@@ -122,13 +134,34 @@ def _opened(run: Path) -> tuple[Trained, Row]:
         "version": spec.version,
         "look": env.look,
         "frame_skip": env.frame_skip,
-        "size": (env.width, env.height),
         "scale": reward_scale(spec),
         "seeds": len(trained.experiment.runs),
+        "flags": flags_of(trained.experiment),
     }
     kept = "max_steps_in_episode"
     own = {name: value for name, value in spec.params.items() if name == kept}
     return _in(trained, dataclasses.replace(spec, params=own)), row
+
+
+def flags_of(about: Experiment) -> str:
+    """The flags of a training in addition to `--config doom-pixels`, its id and its look."""
+    own = given_by(about)
+    # No WAD file is needed for the plain look.
+    usual = resolve({**read_file(find_config("doom-pixels")), "env": own["env"], "look": "plain"})
+    same = {**given_by(usual), **{name: own.get(name) for name in ("look", "params")}}
+    flags = [
+        f"--{name.replace('_', '-')}" + f" {value}" * (value is not True)
+        for name, value in own.items()
+        if value != same.get(name)
+    ]
+    params = own.get("params", {}).items()
+    return " ".join([*flags, *(f"--param {name}={_told(value)}" for name, value in params)])
+
+
+def _told(value: Any) -> str:
+    """A param as a flag takes it; two numbers are the ends of a range."""
+    ends = value if isinstance(value, tuple) else (value,)
+    return ":".join(f"{end:.9g}" for end in ends)
 
 
 def reward_scale(spec: Spec) -> float | None:
@@ -227,18 +260,17 @@ def agents_table() -> str:
     rows = [row for row in stored()["agents"] if row["look"] == SHOWN]
     columns = [(way, place) for way in WAYS for place in (HERE_TOO, GAME)]
     tests = (f"{way}, {place}" for way, place in columns)
-    head = ("scenario", "sees", *tests, "million decisions", "minutes")
+    head = ("scenario", *tests, "minutes", "flags")
     cells = [
         [
             f"`{row['id']}`",
-            row["sees"],
             *(_shown(row, place, way) for way, place in columns),
-            f"{row['decisions'] / 1e6:.2g}",
-            f"{row['minutes']:.3g}",
+            f"{row['minutes']:.0f}",
+            f"`{row['flags']}`" if row["flags"] else "",
         ]
         for row in rows
     ]
-    return table(head, cells, range(2, len(head)))
+    return table(head, cells, range(1, len(head) - 1))
 
 
 def looks_table() -> str:
@@ -262,7 +294,9 @@ def _shown(row: Row, place: str, way: str) -> str:
     mean, low, high = row["tests"][place][way][measure]
     if measure == "success":
         return f"{100 * mean:.1f} % ({100 * low:.0f} to {100 * high:.0f})"
-    return f"{mean:.4g} ({low:.4g} to {high:.4g})"
+    digits = 4 if abs(mean) >= 100 else 3
+    mean, low, high = (f"{value:.{digits}g}" for value in (mean, low, high))
+    return f"{mean} ({low} to {high})"
 
 
 def with_tables(page: str) -> str:

@@ -13,8 +13,12 @@ pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
 from docs import doom_pixels, measured
-from jaxenstein.baselines.runs.agents import evaluate
+from jaxenstein.baselines.runs.agents import evaluate, load_policy
+from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.cli import main
+from jaxenstein.cli.arguments import Parser
+from jaxenstein.cli.opening import given_training
+from jaxenstein.cli.train import fill
 from jaxenstein.settings import spec_from
 
 PAGE = "<!-- doom agents -->\n<!-- end -->\nbetween\n<!-- doom looks -->\n<!-- end -->\n"
@@ -32,6 +36,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("FILE", "PAGE", "PICTURE", "TRAINERS"):
         path = tmp_path / getattr(doom_pixels, name).name
         monkeypatch.setattr(doom_pixels, name, path)
+    monkeypatch.setattr(doom_pixels, "AGENTS", tmp_path)
     doom_pixels.PAGE.write_text(PAGE)
     return tmp_path
 
@@ -55,6 +60,15 @@ def test_the_page_has_what_was_measured() -> None:
 )
 def test_scale_of_rewards(params: dict[str, float], scale: float | None) -> None:
     assert doom_pixels.reward_scale(spec_from({"env": "doom-basic", "params": params})) == scale
+
+
+def test_flags_train_the_same_agents() -> None:
+    flags = "--frame-skip 2 --total-steps 20000 --anneal --entropy 0.02"
+    params = "--param damage_factor=0:2 --param way_reward=0.2"
+    told = "--out runs --config doom-pixels --env doom-deadly-corridor --look plain"
+    fill(parser := Parser())
+    given = given_training(parser.parse_args(f"{told} {flags} {params}".split()))
+    assert doom_pixels.flags_of(resolve(given)) == f"{flags} {params}"
 
 
 def test_without_rows_the_page_has_no_tables(files: Path) -> None:
@@ -117,10 +131,12 @@ def test_agents_are_added_from_their_run(files: Path, monkeypatch: pytest.Monkey
     assert values.shape == (2, len(row["curve"]["minutes"]))
     assert np.nanmin(values) < -20
     table = doom_pixels.PAGE.read_text()
-    assert "| `doom-basic` | 16x12 | " in table
+    assert f"`{row['flags']}` |" in table
     assert "looks -->\n<!-- end -->" in table
     assert table.count("](images/results/doom-pixels.png)\n<!-- end -->") == 1
     assert doom_pixels.PICTURE.stat().st_size > 1000
+    packaged = load_policy(files / "doom-basic-pixels.npz")
+    assert (packaged.params.kill_reward, packaged.params.max_steps_in_episode) == (106, 64)
 
 
 @pytest.mark.slow

@@ -199,10 +199,12 @@ def test_damaged_and_missing_files_are_refused(
 def test_packaged_agents_are_small_and_complete(name: str) -> None:
     path = pretrained()[name]
     assert path.stat().st_size <= LARGEST
-    policy = load_policy(f"pretrained/{name}")
-    assert policy.env.num_actions >= 2
-    score = read_config(path)["agent"]["score"]
+    config = read_config(path)
+    score = config["agent"]["score"]
     assert score["sampled"]["episodes"] == score["greedy"]["episodes"] >= 100
+    if config["environment"]["settings"].get("look") == "game":
+        pytest.importorskip("vizdoom")
+    assert load_policy(f"pretrained/{name}").env.num_actions >= 2
 
 
 def test_packaged_agent_fetches_the_key() -> None:

@@ -6,6 +6,7 @@ import dataclasses
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -95,18 +96,32 @@ def export_policy(
     trained = load_trained(path)
     chosen = chosen_run(trained, run)
     trained.warn(chosen)
-    agent = trained.one(chosen)
-    rounded = lambda leaf: leaf.astype(weights).astype(np.float32)  # noqa: E731
-    agent = dataclasses.replace(agent, params=jax.tree.map(rounded, agent.params))
-    if not agent.finite(0):
-        name = run_names(trained.experiment)[chosen]
-        hint = "; weights='float32' can hold them" if trained.finite(chosen) else ""
-        raise SettingError(f"{path}: the parameters of {name} are not finite in {weights}{hint}")
-    results = evaluate_both(agent, episodes=episodes, seed=seed, notify=notify)
-    score = {name: score_of(result) for name, result in results.items()}
-    write_trained(out, agent, weights, score)
+    agent = rounded(trained, chosen, weights)
+    results = write_with_score(out, agent, weights, episodes=episodes, seed=seed, notify=notify)
     if program is not None:
         write_program(program, TrainedPolicy(agent, 0, greedy))
+    return results
+
+
+def rounded(trained: Trained, run: int, weights: Weights) -> Trained:
+    """One of the runs with rounded weights; a `SettingError` if they are not finite."""
+    agent = trained.one(run)
+    params = jax.tree.map(lambda leaf: leaf.astype(weights).astype(np.float32), agent.params)
+    agent = dataclasses.replace(agent, params=params)
+    if not agent.finite(0):
+        name = run_names(trained.experiment)[run]
+        hint = "; weights='float32' can hold them" if trained.finite(run) else ""
+        raise SettingError(
+            f"{trained.name}: the parameters of {name} are not finite in {weights}{hint}"
+        )
+    return agent
+
+
+def write_with_score(out: Path, agent: Trained, weights: Weights, **how: Any) -> dict[str, Results]:
+    """Evaluate an agent as `evaluate_both` does, and write it into a file with its score."""
+    results = evaluate_both(agent, **how)
+    score = {name: score_of(result) for name, result in results.items()}
+    write_trained(out, agent, weights, score)
     return results
 
 
