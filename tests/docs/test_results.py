@@ -68,7 +68,7 @@ def test_page_rows_match_runs_in_the_file() -> None:
     page = (ROOT / "docs" / "results.md").read_text("utf-8")
     table = page.split("## What agents learn")[1].split("\n## ")[0]
     rows = re.findall(r"^\| (?:\[?`([\w-]+)`.*?)?\| (\d.*) \|$", table, re.MULTILINE)
-    assert len(rows) == 16
+    assert len(rows) == 15
     task = ""
     for name, cells in rows:
         task = name or task
