@@ -58,7 +58,6 @@ SHOWN = "game"
 POINTS, COLUMNS = 50, 3
 # What tells the rows of each part of the file apart.
 KEYS = {"agents": ("id", "look"), "looks": ("id", "look"), "trainers": ("id", "trainer")}
-OURS = "here"
 Row = dict[str, Any]
 
 
@@ -350,7 +349,7 @@ def trainers_figure() -> Figure:
         if id in here:
             curve, seeds = here[id]["curve"], here[id]["seeds"]
             minutes = np.array(curve["minutes"]) / seeds
-            _draw_curve(axes, minutes, curve["values"], OURS)
+            _draw_curve(axes, minutes, curve["values"], HERE_TOO)
         for row in rows:
             if row["id"] == id:
                 _draw_curve(axes, row["minutes"], row["values"], row["trainer"])

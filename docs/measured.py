@@ -15,8 +15,9 @@ which are part of the package, and the tables in docs/suite.md; ids are as in `r
 tests the agents of each folder RUNS, from `jaxenstein train --suite --out RUNS`, and adds their
 algorithm to the package and to docs/suite.md, with its figures. `doom-pixels` tests the agents of
 each RUN, which see colours in a scenario of Doom, here and in ViZDoom, and writes
-docs/doom_pixels.json and the tables and the figure of docs/doom-pixels.md. With --looks, it tests
-them in all looks instead. Without RUN, these two only write tables and figures again.
+docs/doom_pixels.json, the tables and the figure of docs/doom-pixels.md, and the best agent into the
+package. With --looks, it only tests them, in all looks. Without RUN, these two only write tables
+and figures again.
 `doom-trainer` stores how agents of the scenario ID learned in ViZDoom with the trainer NAME, from
 the rows that `experiments.in_vizdoom` or `experiments.sb3_in_vizdoom` wrote for each seed, and
 draws the figure of docs/doom-pixels.md.
