@@ -177,7 +177,7 @@ Six views beside the map, and the map at the start of an episode:
 ```
 
 {returns(name)}
-{agent(name)}"""
+{agent(name)}{agent_in_vizdoom(name)}"""
 
 
 def agent(name: str) -> str:
@@ -196,6 +196,20 @@ A trained agent and its view: {plain["config"]["algo"].upper()} on {sees} with f
 agents of its training.
 
 {moving(f"{name}-agent")}
+"""
+
+
+def agent_in_vizdoom(name: str) -> str:
+    """The pretrained agent of this scenario that sees pixels, in both; "" if there is none."""
+    if f"{name}-pixels" not in pretrained():
+        return ""
+    shown = moving(f"{name}-both", f"The same agent in {name} and in ViZDoom, side by side", 2)
+    return f"""
+An agent that sees pixels, here on the left and in ViZDoom on the right
+([how it was trained](../doom-pixels.md)). `jaxenstein play --policy pretrained/{name}-pixels`
+plays it.
+
+{shown}
 """
 
 
@@ -262,15 +276,22 @@ def own_settings(name: str) -> str:
     return f"## Settings\n\nBesides the {common}:\n\n{listed}\n"
 
 
-def moving(name: str) -> str:
-    """An animated episode, or a still for readers who prefer reduced motion."""
+def moving(name: str, told: str = "", scale: int = 1) -> str:
+    """An animated episode, or a still for readers who prefer reduced motion.
+
+    Args:
+        name: the name of its files.
+        told: what it shows; "" for an episode beside the map.
+        scale: factor by which it is enlarged.
+    """
+    told = told or f"An episode of {name}: the agent's view beside the map"
     place = f"../_static/episodes/{name}"
     with Image.open(EPISODES / f"{name}.webp") as picture:
-        width, height = picture.size
+        width, height = (scale * length for length in picture.size)
     return (
         f'<picture><source srcset="{place}-still.webp" media="(prefers-reduced-motion: reduce)">'
         f'<img class="recorded" src="{place}.webp" width="{width}" height="{height}" '
-        f'loading="lazy" alt="An episode of {name}: the agent\'s view beside the map"></picture>'
+        f'loading="lazy" alt="{told}"></picture>'
     )
 
 

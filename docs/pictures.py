@@ -6,8 +6,9 @@
 - `sheets`: docs/images/environments/ID.png, views of an environment and its map, and a sheet of all
   environments, docs/images/environments.png (`docs/gallery.py`);
 - `looks`: docs/images/looks/ID.png, the looks of the first environment of each family;
-- `film`: docs/_static/episodes/doom-both.webp, a pretrained agent here and in ViZDoom (needs the
-  extras `baselines` and `vizdoom`);
+- `films`: docs/_static/episodes/ID-both.webp and its still, the start of an episode of the agent
+  `pretrained/ID-pixels` here and in ViZDoom, and, without ids, doom-both.webp, a whole episode
+  beside maps (needs the extras `baselines` and `vizdoom`);
 - `engine`: docs/images/engine, results of the engine (`docs/engine_pictures.py`).
 
 Equal versions of JAX, Pillow and this code draw equal files.
@@ -49,9 +50,16 @@ MOST_STEPS, PICTURES, FRAMES_A_SECOND = 480, 60, 10
 QUALITY = 60
 # For looks: (width, height) of a view, the gap between views, and the number of candidate starts.
 LOOK, GAP, STARTS = (136, 102), 4, 48
-# For the film: the agent, the seed of an episode that starts far from the goal, and the steps per
-# picture.
+# For the film beside maps: the agent, the seed of an episode that starts far from the goal, and the
+# steps per picture.
 AGENT, SEED, EVERY = "pretrained/doom-my-way-home", 16, 2
+# For the other films: the tics of a picture, in real time, and the maximum number of pictures.
+TICS, SHOWN = 4, 100
+
+
+PIXELS = "-pixels"
+FILMED = tuple(name.removesuffix(PIXELS) for name in pretrained() if name.endswith(PIXELS))
+"""The scenarios of ViZDoom for which the package has an agent that sees pixels."""
 
 
 def play(name: str, seed: int = 1) -> Episode:
@@ -84,14 +92,19 @@ def save_webp(pictures: Sequence[np.ndarray], path: Path) -> None:
         )
 
 
-def animate(episode: Episode, name: str, scale: int = 1) -> int:
-    """Write the animation of an episode and its still; returns the bytes of the animation."""
-    every = -(-episode.steps // (PICTURES - 1))
-    pictures = list(Pictures(episode, scale=scale, map_size=BESIDE, every=every))
+def save_with_still(pictures: Sequence[np.ndarray], name: str) -> int:
+    """Write an animation and its still; returns the bytes of the animation."""
     path = EPISODES / f"{name}.webp"
     save_webp(pictures, path)
     save_webp(pictures[len(pictures) // 2 :][:1], EPISODES / f"{name}-still.webp")
     return path.stat().st_size
+
+
+def animate(episode: Episode, name: str, scale: int = 1) -> int:
+    """Write the animation of an episode and its still; returns the bytes of the animation."""
+    every = -(-episode.steps // (PICTURES - 1))
+    pictures = list(Pictures(episode, scale=scale, map_size=BESIDE, every=every))
+    return save_with_still(pictures, name)
 
 
 def draw_episode(name: str) -> int:
@@ -185,14 +198,20 @@ def draw_looks(ids: Sequence[str]) -> None:
         save_png(strip(name), folder / f"{name}.png")
 
 
-def draw_film(ids: Sequence[str]) -> None:
-    """Draw the film of an agent here and in ViZDoom."""
-    from jaxenstein.cli.beside_vizdoom import film
+def draw_films(ids: Sequence[str]) -> None:
+    """Draw the films of agents here and in ViZDoom."""
+    from jaxenstein.cli.beside_vizdoom import Both, film, play_both
 
-    del ids
-    pictures, summary = film(load_policy(AGENT), SEED, EVERY)
-    save_webp(list(pictures), EPISODES / "doom-both.webp")
-    print(summary)
+    for name in each(ids or FILMED, "filming"):
+        policy = load_policy(f"pretrained/{name}{PIXELS}")
+        every = max(1, TICS // policy.env.frame_skip)
+        here, there = (part.frames[: SHOWN * every : every] for part in play_both(policy, 1))
+        gap = [(0, 0), (0, 0), (0, GAP), (0, 0)]
+        pictures = Both(np.pad(here, gap, constant_values=255), there)
+        save_with_still([*pictures], f"{name}-both")
+    if not ids:
+        beside_maps, _ = film(load_policy(AGENT), SEED, EVERY)
+        save_webp([*beside_maps], EPISODES / "doom-both.webp")
 
 
 def draw_engine(ids: Sequence[str]) -> None:
@@ -207,7 +226,7 @@ DRAWN: Mapping[str, Callable[[Sequence[str]], None]] = {
     "episodes": draw_episodes,
     "sheets": draw_sheets,
     "looks": draw_looks,
-    "film": draw_film,
+    "films": draw_films,
     "engine": draw_engine,
 }
 

@@ -41,9 +41,8 @@ def test_pictures_and_animations_exist(pages) -> None:
     for stem, text in pages.items():
         shown = re.findall(r"^```\{image\} \.\./(\S+)$", text, re.MULTILINE)
         moving = re.findall(r'(?:src|srcset)="\.\./(\S+?)"', text)
-        shows = (
-            len(IDS) if stem == "index" else text.count("\n## `") + text.count("\nA trained agent")
-        )
+        agents = text.count("\nA trained agent") + text.count("\nAn agent that sees pixels")
+        shows = len(IDS) if stem == "index" else text.count("\n## `") + agents
         assert len(moving) == 2 * shows
         for path in [*shown, *moving]:
             assert (DOCS / path).is_file(), path

@@ -98,3 +98,12 @@ def test_animations_move_and_have_room_for_the_expert_caption(name) -> None:
             compose_side_by_side(view, page, [*facts, event], scale=1) for event in ("", waits)
         )
         assert (without != told).any()
+
+
+@pytest.mark.parametrize("name", pictures.FILMED)
+def test_films_of_agents_move(name) -> None:
+    with Image.open(pictures.EPISODES / f"{name}-both.webp") as film:
+        assert getattr(film, "n_frames", 1) > 10
+        left, right = film.crop((0, 0, 160, 120)), film.crop((164, 0, 324, 120))
+    assert np.array_equal(film.size, (324, 120))
+    assert np.asarray(left).any() and np.asarray(right).any()

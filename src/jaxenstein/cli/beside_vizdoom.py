@@ -23,8 +23,8 @@ HEIGHT, WIDTH, SCALE, MAP = 120, 160, 2, 240
 class Both(Sequence[np.ndarray]):
     """The pictures of two episodes side by side; the shorter one repeats its last picture."""
 
-    def __init__(self, left: Pictures, right: Pictures) -> None:
-        """Take the pictures of both episodes."""
+    def __init__(self, left: Pictures | np.ndarray, right: Pictures | np.ndarray) -> None:
+        """Take the pictures of both episodes, each uint8[h, w, 3]."""
         self._parts = left, right
 
     def __len__(self) -> int:

@@ -103,6 +103,17 @@ def test_idle_player_dies_in_tic_384(name: str) -> None:
     np.testing.assert_array_equal(after.present.sum(axis=1), expected)
 
 
+def test_health_reward_pays_for_medkits_and_not_for_the_floor() -> None:
+    env, params = make(HEALTH[0])
+    play, first = player(env, params.replace(health_reward=2.0)), first_state(env, params, 3)
+    actions = [env.index_of("forward")] * 100
+    rewards, _, _, after = play(first.replace(health=np.int32(40)), actions, seed=3)
+    gained = np.diff(np.concatenate([[40], after.health]))
+    gained[31::32] += 8
+    assert gained[gained > 0].tolist() == [25, 25]
+    np.testing.assert_array_equal(rewards, 1 + 2 * gained)
+
+
 @pytest.mark.parametrize("name", ["health-gathering", "health-gathering-supreme"])
 def test_things_are_placed_uniformly_where_they_fit(name: str) -> None:
     """No box of half-width 20 overlaps a wall, and quarters of the room get what they measure."""

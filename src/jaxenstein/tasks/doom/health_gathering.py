@@ -72,6 +72,7 @@ class DoomHealthParams(Params):
         damage_period: tics from one damage to the next.
         living_reward: reward of every tic, including the last one.
         death_penalty: subtracted from the reward of the tic in which the player dies.
+        health_reward: reward of a point of health from a medkit; poison takes it. 0 in the game.
     """
 
     max_steps_in_episode: Scalar = 2100
@@ -80,6 +81,7 @@ class DoomHealthParams(Params):
     damage_period: Scalar = number(32, 1)
     living_reward: Scalar = 1.0
     death_penalty: Scalar = 100.0
+    health_reward: Scalar = 0.0
 
 
 class DoomHealthState(DoomState):
@@ -165,13 +167,16 @@ class DoomHealthGathering(DoomScenario[DoomHealthState, DoomHealthParams]):
         state = self.pickups.appear(state, key, time)
         dead = state.health <= 0
         reward = params.living_reward - jnp.where(dead, params.death_penalty, 0)
+        reward += params.health_reward * (state.health - health).astype(jnp.float32)
         return state, reward, dead, counts | {"died": dead}
 
     def about(self) -> About:
         """A description of the task."""
         kinds = self.pickups.kinds
         taken = {f"took_{kind.name}": Event(kind.one, kind.several) for kind in kinds}
-        return about_health(taken, GREEDY_MEDKITS, "tic")
+        about = about_health(taken, GREEDY_MEDKITS, "tic")
+        paid = {**about.rewards, "health_reward": "{:+g} per point of health taken"}
+        return dataclasses.replace(about, rewards=paid)
 
 
 def greedy_medkits(env: DoomHealthGathering, params: Any) -> Choose:
