@@ -139,13 +139,22 @@ def suite_tasks() -> str:
 
 
 def suite_baselines() -> str:
-    """The returns and scores of our agents, and their interquartile means, for docs/suite.md."""
+    """The returns and scores of our agents, and their interquartile means, for docs/suite.md.
+
+    Cells of tasks on which an algorithm was not trained are empty.
+    """
+    from docs.suite_baselines import partial_results  # needs the extra baselines
+
     # "PPO (baseline)" is "PPO" here.
     shipped = {name.partition(" ")[0]: mine for name, mine in suite.baselines().items()}
+    shipped |= {algo.upper(): mine for algo, mine in partial_results().items()}
     rows = []
     for task in suite.TASKS:
         row, ends = [f"`{task.id}`"], suite.references()[task.id]
         for mine in shipped.values():
+            if task.id not in mine:
+                row += ["", ""]
+                continue
             earned = mean_interval(mine[task.id].returns)
             score = normalised([earned.mean, earned.low, earned.high], ends.random, ends.expert)
             row += [f"{round(earned.mean, 4):.4g}", _interval(*score)]
@@ -162,7 +171,11 @@ def _means(shipped: Compared) -> list[list[str]]:
     for ability in ("all", *dict.fromkeys(abilities.values())):
         row = [ability]
         for mine in shipped.values():
-            part = {id: one for id, one in mine.items() if ability in ("all", abilities[id])}
+            ids = [id for id, tests in abilities.items() if ability in ("all", tests)]
+            if not {*ids} <= {*mine}:
+                row.append("")
+                continue
+            part = {id: mine[id] for id in ids}
             found = aggregates(run_scores(part, suite.references()))["interquartile_mean"]
             row.append(_interval(found.value, found.low, found.high))
         rows.append(row)

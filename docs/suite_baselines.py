@@ -1,30 +1,34 @@
 """Our agents on the small suite of the benchmark: results, training curves and figures.
 
-The results are part of the package (`jaxenstein.suite.BASELINES`), the curves are in
-docs/suite_curves. `add` writes both for an algorithm; `draw` and the tables only read them.
+The results are part of the package (`jaxenstein.suite.BASELINES`), those of algorithms that lack
+some tasks are in docs/suite_partial, and the curves are in docs/suite_curves. `add` writes them for
+an algorithm; `draw` and the tables only read them.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from docs.page_parts import HERE
+from docs.page_parts import HERE, each
 from jaxenstein import suite
+from jaxenstein.baselines.runs.agents import evaluate
 from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
 from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.trained import load_trained
 from jaxenstein.cli import main as command
 from jaxenstein.files import atomic, make_folder
-from jaxenstein.results import read_results
+from jaxenstein.results import Results, read_results, write_results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE = "small"
-CURVES = HERE / "suite_curves"
+CURVES, PARTIAL = HERE / "suite_curves", HERE / "suite_partial"
 IMAGES = HERE / "images" / "results"
 # The most points of a curve, and the panels in a row.
 POINTS, COLUMNS = 50, 4
@@ -33,30 +37,65 @@ POINTS, COLUMNS = 50, 4
 def add(folder: Path) -> None:
     """Test the agents of one algorithm, and write their results and curves.
 
+    Until there are results for all tasks, they are in docs/suite_partial, and each call adds the
+    tasks of its folder.
+
     Args:
-        folder: the folder of `jaxenstein train --suite`, with a run for each task.
+        folder: a folder of `jaxenstein train --suite`, with runs for some or all of the tasks.
 
     Raises:
-        SystemExit: the agents do not follow the protocol, or their tests fail.
+        SystemExit: the agents do not follow the protocol.
     """
-    about = {task.id: RunFolder.open(folder / task.id).experiment for task in suite.TASKS}
-    config, hparams = (getattr(about[suite.TASKS[0].id], part) for part in ("config", "hparams"))
-    if any((run.config, run.hparams) != (config, hparams) for run in about.values()):
+    tasks = [task for task in suite.TASKS if (folder / task.id).is_dir()]
+    about = [RunFolder.open(folder / task.id).experiment for task in tasks]
+    if not about:
+        raise SystemExit(f"{folder}: no run of a task of the benchmark")
+    config, hparams = about[0].config, about[0].hparams
+    if any((run.config, run.hparams) != (config, hparams) for run in about):
         raise SystemExit(f"{folder}: the configs of the tasks differ")
     if config.total_steps != suite.SUITES[SIZE].total_steps:
         raise SystemExit(f"{folder}: trained with {config.total_steps:,} decisions per agent")
-    curves = {task: _curve(folder / task) for task in about}
-    for task, curve in curves.items():
-        if curve["decisions"][-1] != config.updates * config.steps_per_update:
-            raise SystemExit(f"{folder / task}: the training is not complete")
-    results = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}") / f"{config.algo}.json"
-    if command(["evaluate", str(folder), "--suite", SIZE, "--json", str(results)]):
-        raise SystemExit(1)
-    if departures := suite.departures(read_results(results)):
-        raise SystemExit(f"{results} departs from the protocol: {', '.join(departures)}")
-    lines = ",\n".join(f"{json.dumps(task)}: {json.dumps(of)}" for task, of in curves.items())
+    results, curves = (of.get(config.algo, {}) for of in (partial_results(), stored_curves()))
+    curves = {id: curves[id] for id in results}
+    for task in tasks:
+        curves[task.id] = _curve(folder / task.id)
+        if curves[task.id]["decisions"][-1] != config.updates * config.steps_per_update:
+            raise SystemExit(f"{folder / task.id}: the training is not complete")
+    for id in each([task.id for task in tasks], "testing"):
+        results[id] = _tested(folder, suite.task_of(id))
+    ordered = [results[task.id] for task in suite.TASKS if task.id in results]
+    if departures := suite.departures(ordered):
+        raise SystemExit(f"{folder} departs from the protocol: {', '.join(departures)}")
+    partial = make_folder(PARTIAL) / f"{config.algo}.json"
+    if len(ordered) < len(suite.TASKS):
+        write_results(partial, ordered)
+    else:
+        shipped = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}")
+        write_results(shipped / partial.name, ordered)
+        partial.unlink(missing_ok=True)
+    ids = (one.environment.id for one in ordered)
+    lines = ",\n".join(f"{json.dumps(id)}: {json.dumps(curves[id])}" for id in ids)
     with atomic(make_folder(CURVES) / f"{config.algo}.json") as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", "utf-8")
+
+
+def _tested(folder: Path, task: suite.Task) -> Results:
+    """The test of the agents of a task."""
+    trained = load_trained(folder / task.id)
+    about = trained.experiment
+    if about.environment != suite.SUITES[SIZE].spec(task):
+        raise SystemExit(f"{folder / task.id} was not trained in the {SIZE} suite")
+    tested = dataclasses.replace(about, environment=suite.SUITES[SIZE].spec(task, test=True))
+    trained = dataclasses.replace(trained, experiment=tested, name=about.config.algo)
+    return evaluate(trained, episodes=suite.EPISODES)
+
+
+def partial_results() -> dict[str, dict[str, Results]]:
+    """The results of algorithms that lack some tasks, by algorithm and task."""
+    return {
+        path.stem: {one.environment.id: one for one in read_results(path)}
+        for path in sorted(PARTIAL.glob("*.json"))
+    }
 
 
 def _curve(run: Path) -> dict[str, Any]:
@@ -91,6 +130,8 @@ def training_figure() -> Figure:
     for axes, task in zip(panels.flat, suite.TASKS, strict=False):
         ends = suite.references()[task.id]
         for algo, curves in stored_curves().items():
+            if task.id not in curves:
+                continue
             at = np.array(curves[task.id]["decisions"]) / 1e6
             returns = np.array(curves[task.id]["returns"], np.float64)
             # No episode may end in a part of the training.

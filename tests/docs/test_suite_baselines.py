@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,23 +15,26 @@ import pytest
 pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
-from docs import measured, suite_baselines
+from docs import measured, other_pages, suite_baselines
 from jaxenstein import suite
 from jaxenstein.cli import main
 from jaxenstein.comparison import run_scores
 from jaxenstein.intervals import mean_interval
-from jaxenstein.results import read_results
+from jaxenstein.results import read_results, write_results
 from jaxenstein.scores import normalised
 
 PAGE = "<!-- suite tasks -->\n<!-- end -->\n<!-- suite baselines -->\n<!-- end -->\n"
 
 
 def test_the_curves_belong_to_the_results() -> None:
-    curves = suite_baselines.stored_curves()
+    curves, partial = suite_baselines.stored_curves(), suite_baselines.partial_results()
     shipped = suite.BASELINES / f"{suite_baselines.SIZE}-{suite.VERSION}"
-    assert [*curves] == sorted(path.stem for path in shipped.glob("*"))
+    assert [*curves] == sorted([*(path.stem for path in shipped.glob("*")), *partial])
+    for results in partial.values():
+        assert suite.departures(results.values()) == []
     for algo, tasks in curves.items():
-        assert [*tasks] == [task.id for task in suite.TASKS], algo
+        expected = partial.get(algo, [task.id for task in suite.TASKS])
+        assert [*tasks] == [*expected], algo
         for curve in tasks.values():
             assert np.shape(curve["returns"]) == (suite.SEEDS, len(curve["decisions"])), algo
             assert curve["decisions"][-1] == pytest.approx(3_000_000, rel=0.01)
@@ -69,6 +74,7 @@ def test_an_algorithm_is_added_from_its_runs(
     for module, name in (
         (suite, "BASELINES"),
         (suite_baselines, "CURVES"),
+        (suite_baselines, "PARTIAL"),
         (suite_baselines, "IMAGES"),
     ):
         monkeypatch.setattr(module, name, tmp_path / name.lower())
@@ -79,7 +85,12 @@ def test_an_algorithm_is_added_from_its_runs(
     sizes = "--num-envs 4 --rollout 32 --minibatches 2 --features 8 --hidden 8 --head 8"
     train = ["train", "--suite", "--algo", "e3b", *shlex.split(sizes)]
     assert main([*train, "--out", "runs"]) == 0
+    # With one task of two.
+    shutil.copytree("runs", "part", ignore=lambda *_: ["simple"])
+    suite_baselines.add(Path("part"))
+    assert [*suite_baselines.partial_results()["e3b"]] == ["t-maze"]
     measured.main(["baselines", "runs"])
+    assert not suite_baselines.partial_results()
     results = read_results("baselines/small-1/e3b.json")
     assert [one.returns.shape for one in results] == [(2, 100)] * 2
     for one in results:
@@ -90,6 +101,10 @@ def test_an_algorithm_is_added_from_its_runs(
         "suite-profiles.png",
         "suite-training.png",
     }
+    write_results("partial/icm.json", results[:1])
+    told = other_pages.suite_baselines()
+    assert re.search(r"\| `t-maze` (\|[^|]+){4}\|\n\| `simple` (\|[^|]+){2}\|  \|  \|\n", told)
+    assert re.search(r"\| all \|[^|]+\|  \|\n", told)
     # Half of the decisions.
     assert main([*train, "--out", "short", "--budget", "0.5"]) == 0
     with pytest.raises(SystemExit, match="short: trained with 128 decisions per agent"):
