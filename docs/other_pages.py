@@ -139,7 +139,7 @@ def suite_tasks() -> str:
 
 
 def suite_baselines() -> str:
-    """The returns and scores of our agents, and their interquartile means, for docs/suite.md.
+    """The scores of our agents on each task, and their interquartile means, for docs/suite.md.
 
     Cells of tasks on which an algorithm was not trained are empty.
     """
@@ -153,15 +153,15 @@ def suite_baselines() -> str:
         row, ends = [f"`{task.id}`"], suite.references()[task.id]
         for mine in shipped.values():
             if task.id not in mine:
-                row += ["", ""]
+                row.append("")
                 continue
             earned = mean_interval(mine[task.id].returns)
             score = normalised([earned.mean, earned.low, earned.high], ends.random, ends.expert)
-            row += [f"{round(earned.mean, 4):.4g}", _interval(*score)]
+            row.append(_interval(*score))
         rows.append(row)
-    head = ["task", *(f"{algo}, {what}" for algo in shipped for what in ("return", "score"))]
-    means = table(["tasks", *shipped], _means(shipped), range(1, len(head)))
-    return f"{table(head, rows, range(1, len(head)))}\n\n{means}"
+    right = range(1, 1 + len(shipped))
+    means = table(["tasks", *shipped], _means(shipped), right)
+    return f"{table(['task', *shipped], rows, right)}\n\n{means}"
 
 
 def _means(shipped: Compared) -> list[list[str]]:
