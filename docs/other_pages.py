@@ -65,7 +65,11 @@ RECIPES_OF = """
 The defaults of the recipe `tuned` that differ from those of `paper`, by algorithm. Any flag
 overrides its default.
 
-{recipes}
+{tuned}
+
+The defaults of the recipe `long` that differ from those of `tuned`:
+
+{long}
 
 ## Networks
 
@@ -209,20 +213,31 @@ def commands_page() -> str:
 
 
 def recipes() -> str:
-    """What the recipe `tuned` and each network set, for the page of the commands."""
+    """What the recipes and networks set, for the page of the commands."""
     from jaxenstein.baselines.config import algorithms  # needs the extra baselines
     from jaxenstein.baselines.networks import NATURE
     from jaxenstein.baselines.runs.options import NETWORKS, RECIPES, all_options
 
-    options, tuned = all_options(), RECIPES["tuned"]
-    given = {algo: {**tuned["*"], **tuned.get(algo, {})} for algo in algorithms()}
-    rows = []
-    for name in dict.fromkeys(name for values in given.values() for name in values):
-        default = options[name].default
-        values = [default, *(of.get(name, default) for of in given.values())]
-        if len(set(values)) > 1:
-            rows.append([f"`--{name.replace('_', '-')}`", *map(_shown, values)])
-    head = ("flag", "`paper`", *(f"`tuned`, `{algo}`" for algo in given))
+    options = all_options()
+
+    def given(recipe: str) -> list[dict[str, Any]]:
+        """The values that a recipe sets for each algorithm."""
+        values = RECIPES[recipe]
+        return [{**values.get("*", {}), **values.get(algo, {})} for algo in algorithms()]
+
+    def changes(recipe: str, other: str) -> str:
+        """The options that differ from the other recipe for any algorithm."""
+        pairs = list(zip(given(recipe), given(other), strict=True))
+        paper, rows = other == "paper", []
+        for name in dict.fromkeys(name for mine, _ in pairs for name in mine):
+            usual = options[name].default
+            values = [(mine.get(name, usual), its.get(name, usual)) for mine, its in pairs]
+            if any(value != old for value, old in values):
+                shown = map(_shown, [*[usual] * paper, *(value for value, _ in values)])
+                rows.append([f"`--{name.replace('_', '-')}`", *shown])
+        names = [f"`{recipe}`, `{algo}`" for algo in algorithms()]
+        return table(("flag", *["`paper`"] * paper, *names), rows)
+
     parts = ("features", "hidden", "head", "convolutions")
     first = {part: options[part].default for part in parts} | {"convolutions": NATURE}
     networks = [
@@ -230,7 +245,11 @@ def recipes() -> str:
         for name, sizes in NETWORKS.items()
     ]
     flags = ("`--network`", *(f"`--{part}`" for part in parts))
-    return RECIPES_OF.format(recipes=table(head, rows), networks=table(flags, networks))
+    return RECIPES_OF.format(
+        tuned=changes("tuned", "paper"),
+        long=changes("long", "tuned"),
+        networks=table(flags, networks),
+    )
 
 
 def _shown(value: Any) -> str:

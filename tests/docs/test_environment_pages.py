@@ -131,9 +131,17 @@ def test_command_line_page_has_every_command(monkeypatch) -> None:
 
 
 def test_command_line_page_has_the_recipes() -> None:
-    rows = re.findall(r"^\| `(.+?)` \| (.+) \|$", other_pages.recipes(), re.M)
-    told = {name: values.split(" | ") for name, values in rows}
+    tuned, long = other_pages.recipes().split("The defaults of the recipe `long`")
+    told, changed = (
+        {
+            name: values.split(" | ")
+            for name, values in re.findall(r"^\| `(.+?)` \| (.+) \|$", text, re.M)
+        }
+        for text in (tuned, long)
+    )
     assert told["--contrast"] == ["0", "10", "0", "10", "10"]
     assert told["--anneal"] == ["yes", "no", "no", "no", "no"]
     assert "--num-envs" not in told
-    assert told["tiny"] == ["64", "64", "64", "4x4x32"]
+    assert changed["--contrast"] == ["10", "0", "0", "10"]
+    assert "--epochs" not in changed
+    assert changed["tiny"] == ["64", "64", "64", "4x4x32"]
