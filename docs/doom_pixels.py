@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import jaxenstein
 from docs.page_parts import HERE, table
 from fidelity.doom_palette import ORDERS, exchanged
 from jaxenstein.baselines.runs.agents import (
@@ -35,6 +36,7 @@ from jaxenstein.baselines.runs.options import given_by, read_file, resolve
 from jaxenstein.baselines.runs.trained import HERE as AGENTS
 from jaxenstein.baselines.runs.trained import SUFFIX, Trained, load_trained
 from jaxenstein.catalogue import ENTRIES
+from jaxenstein.evaluation import evaluate_player
 from jaxenstein.files import atomic
 from jaxenstein.intervals import mean_interval
 from jaxenstein.progress import Progress
@@ -56,6 +58,8 @@ LOOKS = ("plain", "random", "game")
 # The look of the agents in the first table and in the figure.
 SHOWN = "game"
 POINTS, COLUMNS = 50, 3
+# The scripted players beside the agents, their episodes, and the sides of frames nobody looks at.
+PLAYERS, PLAYED, SMALL = ("random", "expert"), 1000, 4
 # What tells the rows of each part of the file apart.
 KEYS = {"agents": ("id", "look"), "looks": ("id", "look"), "trainers": ("id", "trainer")}
 Row = dict[str, Any]
@@ -72,6 +76,7 @@ def add(run: Path, episodes: int) -> None:
     """
     trained, row = _opened(run)
     row |= {
+        "players": players_of(row),
         "minutes": round(float(read_seconds(run, trained.update)[-1]) / 60, 1),
         "tests": _tested([(HERE_TOO, trained, False), (GAME, trained, True)], episodes),
         "curve": _curve(run, row),
@@ -109,6 +114,19 @@ def add_trainer(trainer: str, id: str, files: Sequence[Path]) -> None:
     ends = np.linspace(0, max(rows[-1]["seconds"] for rows in seeds), POINTS // 2 + 1)[1:]
     row = {"id": id, "trainer": trainer, "minutes": [float(f"{end / 60:.4g}") for end in ends]}
     _store("trainers", {**row, "values": [_in_parts(rows, total, ends) for rows in seeds]})
+
+
+def players_of(row: Mapping[str, Any]) -> Row:
+    """What the random player and the expert get in a row's scenario with its frame skip."""
+    env, params = jaxenstein.make(
+        row["id"], frame_skip=row["frame_skip"], height=SMALL, width=SMALL
+    )
+    found = {}
+    for player in PLAYERS:
+        result = evaluate_player(env, params, player, PLAYED)
+        values = {"return": result.returns, "success": result.successes}
+        found[player] = {name: float(f"{np.mean(of):.4g}") for name, of in values.items()}
+    return found
 
 
 def _in_parts(rows: Sequence[Row], total: str, ends: np.ndarray) -> list[float | None]:
@@ -259,10 +277,11 @@ def agents_table() -> str:
     rows = [row for row in stored()["agents"] if row["look"] == SHOWN]
     columns = [(way, place) for way in WAYS for place in (HERE_TOO, GAME)]
     tests = (f"{way}, {place}" for way, place in columns)
-    head = ("scenario", *tests, "minutes", "flags")
+    head = ("scenario", *PLAYERS, *tests, "minutes", "flags")
     cells = [
         [
             f"`{row['id']}`",
+            *(_player(row, player) for player in PLAYERS),
             *(_shown(row, place, way) for way, place in columns),
             f"{row['minutes']:.0f}",
             f"`{row['flags']}`" if row["flags"] else "",
@@ -293,9 +312,19 @@ def _shown(row: Row, place: str, way: str) -> str:
     mean, low, high = row["tests"][place][way][measure]
     if measure == "success":
         return f"{100 * mean:.1f} % ({100 * low:.0f} to {100 * high:.0f})"
-    digits = 4 if abs(mean) >= 100 else 3
-    mean, low, high = (f"{value:.{digits}g}" for value in (mean, low, high))
+    mean, low, high = (_number(value, mean) for value in (mean, low, high))
     return f"{mean} ({low} to {high})"
+
+
+def _number(value: float, beside: float) -> str:
+    """A return with as many digits as the one beside it needs."""
+    return f"{value:.{4 if abs(beside) >= 100 else 3}g}"
+
+
+def _player(row: Row, player: str) -> str:
+    """The mean of a scripted player; success in percent."""
+    mean = row["players"][player][_measure(row)]
+    return f"{100 * mean:.0f} %" if _measure(row) == "success" else _number(mean, mean)
 
 
 def with_tables(page: str) -> str:

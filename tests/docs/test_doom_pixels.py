@@ -127,11 +127,14 @@ def test_agents_are_added_from_their_run(files: Path, monkeypatch: pytest.Monkey
             assert low <= mean <= high
             assert -64 - 5 * 8 <= mean <= 106
             assert mean == pytest.approx(round(mean * 8) / 8, abs=1e-3)
+    random, expert = (row["players"][name]["return"] for name in ("random", "expert"))
+    assert random < 0 < expert
     values = np.array(row["curve"]["values"], np.float64)
     assert values.shape == (2, len(row["curve"]["minutes"]))
     assert np.nanmin(values) < -20
     table = doom_pixels.PAGE.read_text()
     assert f"`{row['flags']}` |" in table
+    assert f"| `doom-basic` | {random:.4g} | {expert:.3g} |" in table
     assert "looks -->\n<!-- end -->" in table
     assert table.count("](images/results/doom-pixels.png)\n<!-- end -->") == 1
     assert doom_pixels.PICTURE.stat().st_size > 1000
