@@ -55,15 +55,16 @@ def add(folder: Path) -> None:
         raise SystemExit(f"{folder}: the configs of the tasks differ")
     if config.total_steps != suite.SUITES[SIZE].total_steps:
         raise SystemExit(f"{folder}: trained with {config.total_steps:,} decisions per agent")
-    results, curves = (of.get(config.algo, {}) for of in (partial_results(), stored_curves()))
-    curves = {id: curves[id] for id in results}
+    results, drawn = partial_results().get(config.algo, {}), stored_curves().get(config.algo, {})
+    curves = {id: drawn[id] for id in results}
     for task in tasks:
         curves[task.id] = _curve(folder / task.id)
         if curves[task.id]["decisions"][-1] != config.updates * config.steps_per_update:
             raise SystemExit(f"{folder / task.id}: the training is not complete")
     for id in each([task.id for task in tasks], "testing"):
         results[id] = _tested(folder, suite.task_of(id))
-    ordered = [results[task.id] for task in suite.TASKS if task.id in results]
+    ids = [task.id for task in suite.TASKS if task.id in results]
+    ordered = [results[id] for id in ids]
     if departures := suite.departures(ordered):
         raise SystemExit(f"{folder} departs from the protocol: {', '.join(departures)}")
     partial = make_folder(PARTIAL) / f"{config.algo}.json"
@@ -73,7 +74,6 @@ def add(folder: Path) -> None:
         shipped = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}")
         write_results(shipped / partial.name, ordered)
         partial.unlink(missing_ok=True)
-    ids = (one.environment.id for one in ordered)
     lines = ",\n".join(f"{json.dumps(id)}: {json.dumps(curves[id])}" for id in ids)
     with atomic(make_folder(CURVES) / f"{config.algo}.json") as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", "utf-8")
@@ -93,7 +93,7 @@ def _tested(folder: Path, task: suite.Task) -> Results:
 def partial_results() -> dict[str, dict[str, Results]]:
     """The results of algorithms that lack some tasks, by algorithm and task."""
     return {
-        path.stem: {one.environment.id: one for one in read_results(path)}
+        path.stem: {str(one.environment.id): one for one in read_results(path)}
         for path in sorted(PARTIAL.glob("*.json"))
     }
 

@@ -94,7 +94,7 @@ def test_an_algorithm_is_added_from_its_runs(
     results = read_results("baselines/small-1/e3b.json")
     assert [one.returns.shape for one in results] == [(2, 100)] * 2
     for one in results:
-        ends = suite.references()[one.environment.id]
+        ends = suite.references()[str(one.environment.id)]
         score = normalised(one.returns.mean(), ends.random, ends.expert)
         assert f"| `{one.environment.id}` | {score + 0.0:.3f} (" in page.read_text()
     curves = json.loads(Path("curves/e3b.json").read_text())
