@@ -18,7 +18,6 @@ pytest.importorskip("matplotlib")
 from docs import measured, other_pages, suite_baselines
 from jaxenstein import suite
 from jaxenstein.cli import main
-from jaxenstein.comparison import run_scores
 from jaxenstein.intervals import mean_interval
 from jaxenstein.results import read_results, write_results
 from jaxenstein.scores import normalised
@@ -43,20 +42,26 @@ def test_the_curves_belong_to_the_results() -> None:
 def test_the_page_says_what_was_measured() -> None:
     page = " ".join((suite_baselines.HERE / "suite.md").read_text("utf-8").split())
     ppo = suite.baselines()["PPO (baseline)"]
-    for task in ("simple", "dmlab-static-01"):
-        assert not ppo[task].successes.any()
-    assert sorted(ppo["key-door"].successes.mean(axis=1)) == [0, 0, 0, 0, 1]
+    rnd = suite_baselines.partial_results()["rnd"]
+    for mine, task, solved in (
+        (rnd, "simple", 4),
+        (rnd, "key-door", 4),
+        (rnd, "dmlab-static-01", 0),
+        (ppo, "simple", 0),
+        (ppo, "key-door", 1),
+        (ppo, "dmlab-static-01", 0),
+    ):
+        reached = mine[task].successes.mean(axis=1)
+        assert ((reached < 0.05) | (reached > 0.95)).all()
+        assert (reached > 0.95).sum() == solved
     assert np.sum(np.any(ppo["t-maze"].returns, axis=1)) == 1
     # A guess earns 0.5 in minigrid-memory-s13.
     guessed, ends = ppo["minigrid-memory-s13"].returns, suite.references()["minigrid-memory-s13"]
     earned = mean_interval(guessed)
     assert earned.low < 0.5 < earned.high
     assert f"a guess scores {normalised(0.5, ends.random, ends.expert):.2f}." in page
-    assert ppo["key-corridor-s3r3"].successes.mean(axis=1).max() <= 0.01
     fights = ppo["doom-deadly-corridor"].returns
     assert (fights == fights[0]).all()
-    scores = dict(zip(ppo, map(np.mean, run_scores(ppo, suite.references())), strict=True))
-    assert max(scores, key=scores.__getitem__) == "doom-defend-the-center"
 
 
 @pytest.mark.slow
