@@ -19,7 +19,7 @@ SHORTENED = {
     "NUM_ENVS, STEPS = 256, 200": "NUM_ENVS, STEPS = 4, 5",
     "NUM_ENVS, STEPS = 256, 100": "NUM_ENVS, STEPS = 4, 5",
     **dict.fromkeys(
-        ('"total_steps": 1_500_000}', '"total_steps": 1_000_000}'),
+        ('"total_steps": 1_500_000}', '"total_steps": 2_000_000}'),
         '"total_steps": 32, "num_envs": 4, "rollout": 8, "minibatches": 1, "network": "tiny",'
         ' "epochs": 1} | {"horizon": 12}',
     ),
