@@ -77,12 +77,21 @@ _TUNED: Mapping[str, Mapping[str, Any]] = {
     "e3b": {**_OWN_VALUES, "e3b_lambda": 0.1, "random_clocks": True},
 }
 _LONG = {"gamma": 0.997, "gae_lambda": 0.98, "bonus_gamma": 0.99, "normalise_rewards": True}
-# A bonus that weighs less and lasts longer; new policies repeat their actions.
+# Bonuses that weigh less and last longer, and new policies that repeat their actions.
 _FAINT_BONUS = {
     "bonus_advantage": 0.02,
     "bonus_memory": 1.0,
     "bonus_learning_rate": 3e-5,
     "contrast": 0.0,
+    "persistence": 2.0,
+}
+_TEMPORAL = {
+    "e3b_embedding": "temporal",
+    "e3b_latent": 128,
+    "e3b_reach": 24,
+    "bonus_learning_rate": 1e-3,
+    "bonus_values": False,
+    "bonus_reward": 0.1,
     "persistence": 2.0,
 }
 # The defaults of each recipe that differ from the paper: for all algorithms ("*"), then for one.
@@ -93,7 +102,9 @@ RECIPES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "long": {
         **_TUNED,
         "*": {**_TUNED["*"], **_LONG},
-        **{algo: {**_TUNED[algo], **_FAINT_BONUS} for algo in ("rnd", "icm")},
+        "rnd": {**_TUNED["rnd"], **_FAINT_BONUS},
+        "icm": {**_TUNED["icm"], **_FAINT_BONUS},
+        "e3b": {**_TUNED["e3b"], **_TEMPORAL},
     },
 }
 
