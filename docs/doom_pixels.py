@@ -365,7 +365,10 @@ def figure() -> Figure:
         for way in WAYS:
             played = row["tests"][GAME][way][_measure(row)][0]
             axes.axhline(played, color="grey", lw=0.8, ls="--" if way == "greedy" else ":")
-    drawing.supxlabel("minutes of all seeds; grey: in ViZDoom, greedy (dashed), sampled (dotted)")
+    drawing.supxlabel(
+        "minutes of all seeds, where training has the game's rewards\n"
+        "grey: in ViZDoom, greedy (dashed), sampled (dotted)"
+    )
     return drawing
 
 
