@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import jaxenstein
-from docs.page_parts import HERE, table
+from docs.page_parts import HERE, PIXELS, table
 from fidelity.doom_palette import ORDERS, exchanged
 from jaxenstein.baselines.runs.agents import (
     WAYS,
@@ -83,7 +83,7 @@ def add(run: Path, episodes: int) -> None:
     }
     _store("agents", row)
     best = rounded(trained, chosen_run(trained, None), "float16")
-    write_with_score(AGENTS / f"{row['id']}-pixels{SUFFIX}", best, "float16")
+    write_with_score(AGENTS / f"{row['id']}{PIXELS}{SUFFIX}", best, "float16")
 
 
 def add_looks(run: Path, episodes: int) -> None:
@@ -121,12 +121,7 @@ def players_of(row: Mapping[str, Any]) -> Row:
     env, params = jaxenstein.make(
         row["id"], frame_skip=row["frame_skip"], height=SMALL, width=SMALL
     )
-    found = {}
-    for player in PLAYERS:
-        result = evaluate_player(env, params, player, PLAYED)
-        values = {"return": result.returns, "success": result.successes}
-        found[player] = {name: float(f"{np.mean(of):.4g}") for name, of in values.items()}
-    return found
+    return {player: _means(evaluate_player(env, params, player, PLAYED)) for player in PLAYERS}
 
 
 def _in_parts(rows: Sequence[Row], total: str, ends: np.ndarray) -> list[float | None]:
@@ -323,7 +318,7 @@ def _number(value: float, beside: float) -> str:
 
 def _player(row: Row, player: str) -> str:
     """The mean of a scripted player; success in percent."""
-    mean = row["players"][player][_measure(row)]
+    mean, *_ = row["players"][player][_measure(row)]
     return f"{100 * mean:.0f} %" if _measure(row) == "success" else _number(mean, mean)
 
 

@@ -21,6 +21,7 @@ from docs.other_pages import scoreboard
 from docs.page_parts import (
     FAMILIES,
     HERE,
+    PIXELS,
     Family,
     fidelity,
     history,
@@ -201,12 +202,12 @@ agents of its training.
 
 def agent_in_vizdoom(name: str) -> str:
     """The pretrained agent of this scenario that sees pixels, in both; "" if there is none."""
-    if f"{name}-pixels" not in pretrained():
+    if name + PIXELS not in pretrained():
         return ""
     shown = moving(f"{name}-both", f"The same agent in {name} and in ViZDoom, side by side", 2)
     return f"""
 An agent that sees pixels, here on the left and in ViZDoom on the right
-([how it was trained](../doom-pixels.md)). `jaxenstein play --policy pretrained/{name}-pixels`
+([how it was trained](../doom-pixels.md)). `jaxenstein play --policy pretrained/{name}{PIXELS}`
 plays it.
 
 {shown}

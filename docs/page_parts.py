@@ -20,6 +20,8 @@ from jaxenstein.progress import Progress
 
 HERE = Path(__file__).parent
 RETURNS, AGENTS = HERE / "returns.json", HERE / "agents.json"
+# The end of the names of pretrained agents that see pixels of Doom's scenarios, after the id.
+PIXELS = "-pixels"
 
 OF_ALL = {
     "position": "(x, y) in tiles: x along a row of the map, y down the rows",

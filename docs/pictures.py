@@ -27,7 +27,7 @@ from PIL import Image
 
 import jaxenstein
 from docs import gallery
-from docs.page_parts import FAMILIES, each
+from docs.page_parts import FAMILIES, PIXELS, each
 from jaxenstein.baselines import load_policy
 from jaxenstein.baselines.runs.trained import pretrained
 from jaxenstein.errors import SettingError
@@ -53,11 +53,8 @@ LOOK, GAP, STARTS = (136, 102), 4, 48
 # For the film beside maps: the agent, the seed of an episode that starts far from the goal, and the
 # steps per picture.
 AGENT, SEED, EVERY = "pretrained/doom-my-way-home", 16, 2
-# For the other films: the tics of a picture, in real time, and the maximum number of pictures.
+# For the other films: the tics of a picture, about real time, and the maximum number of pictures.
 TICS, SHOWN = 4, 100
-
-
-PIXELS = "-pixels"
 FILMED = tuple(name.removesuffix(PIXELS) for name in pretrained() if name.endswith(PIXELS))
 """The scenarios of ViZDoom for which the package has an agent that sees pixels."""
 

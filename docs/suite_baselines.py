@@ -19,8 +19,8 @@ from jaxenstein import suite
 from jaxenstein.baselines.runs.agents import evaluate
 from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
 from jaxenstein.baselines.runs.folder import RunFolder
-from jaxenstein.baselines.runs.trained import load_trained
 from jaxenstein.cli import main as command
+from jaxenstein.cli.suite import trained_on
 from jaxenstein.files import atomic, make_folder
 from jaxenstein.results import Results, read_results, write_results
 
@@ -62,7 +62,9 @@ def add(folder: Path) -> None:
         if curves[task.id]["decisions"][-1] != config.updates * config.steps_per_update:
             raise SystemExit(f"{folder / task.id}: the training is not complete")
     for id in each([task.id for task in tasks], "testing"):
-        results[id] = _tested(folder, suite.task_of(id))
+        trained = trained_on(suite.task_of(id), folder, suite.SUITES[SIZE])
+        named = dataclasses.replace(trained, name=config.algo)
+        results[id] = evaluate(named, episodes=suite.EPISODES)
     ids = [task.id for task in suite.TASKS if task.id in results]
     ordered = [results[id] for id in ids]
     if departures := suite.departures(ordered):
@@ -77,17 +79,6 @@ def add(folder: Path) -> None:
     lines = ",\n".join(f"{json.dumps(id)}: {json.dumps(curves[id])}" for id in ids)
     with atomic(make_folder(CURVES) / f"{config.algo}.json") as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", "utf-8")
-
-
-def _tested(folder: Path, task: suite.Task) -> Results:
-    """The test of the agents of a task."""
-    trained = load_trained(folder / task.id)
-    about = trained.experiment
-    if about.environment != suite.SUITES[SIZE].spec(task):
-        raise SystemExit(f"{folder / task.id} was not trained in the {SIZE} suite")
-    tested = dataclasses.replace(about, environment=suite.SUITES[SIZE].spec(task, test=True))
-    trained = dataclasses.replace(trained, experiment=tested, name=about.config.algo)
-    return evaluate(trained, episodes=suite.EPISODES)
 
 
 def partial_results() -> dict[str, dict[str, Results]]:

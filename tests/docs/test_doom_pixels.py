@@ -127,7 +127,7 @@ def test_agents_are_added_from_their_run(files: Path, monkeypatch: pytest.Monkey
             assert low <= mean <= high
             assert -64 - 5 * 8 <= mean <= 106
             assert mean == pytest.approx(round(mean * 8) / 8, abs=1e-3)
-    random, expert = (row["players"][name]["return"] for name in ("random", "expert"))
+    random, expert = (row["players"][name]["return"][0] for name in ("random", "expert"))
     assert random < 0 < expert
     values = np.array(row["curve"]["values"], np.float64)
     assert values.shape == (2, len(row["curve"]["minutes"]))

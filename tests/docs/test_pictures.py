@@ -101,10 +101,15 @@ def test_animations_move_and_have_room_for_the_expert_caption(name) -> None:
 
 
 @pytest.mark.parametrize("name", pictures.FILMED)
-def test_films_of_agents_move(name) -> None:
+def test_films_of_agents_begin_at_the_same_place(name) -> None:
+    """Coarse pictures hide the compression; monsters differ a little."""
     with Image.open(pictures.EPISODES / f"{name}-both.webp") as film:
+        assert film.size == (324, 120)
         assert getattr(film, "n_frames", 1) > 10
-        left, right = film.crop((0, 0, 160, 120)), film.crop((164, 0, 324, 120))
-    assert film.size == (324, 120)
-    assert np.asarray(left).any()
-    assert np.asarray(right).any()
+        first = film.convert("RGB")
+    here, there = (
+        np.asarray(first.crop((left, 0, left + 160, 120)).resize((20, 15), Image.Resampling.BOX))
+        for left in (0, 164)
+    )
+    here, there = here.astype(float), there.astype(float)
+    assert np.abs(here - there).mean() < 0.3 * np.abs(here - here.mean(axis=(0, 1))).mean()

@@ -21,6 +21,7 @@ from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
     from ..baselines.runs.experiment import Experiment
+    from ..baselines.runs.trained import Trained
     from ..results import Results
 
 
@@ -109,26 +110,36 @@ def _policy(options: argparse.Namespace) -> Play:
     return play
 
 
-def _runs(folder: Path, chosen: suite.Suite) -> Play:
-    """Test the agents of `jaxenstein train --suite`."""
+def trained_on(task: suite.Task, folder: Path, chosen: suite.Suite) -> Trained:
+    """The agents of one task in a folder of `jaxenstein train --suite`, on its test levels.
+
+    Raises:
+        SettingError: the run is missing, or was trained in another environment.
+    """
     from ..comparison import difference
 
+    path = folder / task.id
+    with printing_warnings():
+        trained = baselines("agents").load_trained(path)
+    about = trained.experiment
+    if fault := difference(chosen.spec(task), about.environment):
+        raise SettingError(
+            f"{path}: {fault[0]} is {fault[2]}, but {fault[1]} in the {chosen.name} suite"
+        )
+    tested = dataclasses.replace(about, environment=chosen.spec(task, test=True))
+    return dataclasses.replace(trained, experiment=tested, name=folder.name)
+
+
+def _runs(folder: Path, chosen: suite.Suite) -> Play:
+    """Test the agents of `jaxenstein train --suite`."""
     agents = baselines("agents")
-    found, short = {}, []
-    for task in suite.TASKS:
-        path = folder / task.id
-        with printing_warnings():
-            trained = agents.load_trained(path)
-        about = trained.experiment
-        if fault := difference(chosen.spec(task), about.environment):
-            raise SettingError(
-                f"{path}: {fault[0]} is {fault[2]}, but {fault[1]} in the {chosen.name} suite"
-            )
-        full = about.config.replace(total_steps=chosen.total_steps)
-        if trained.update < full.updates:
-            short.append(task.id)
-        tested = dataclasses.replace(about, environment=chosen.spec(task, test=True))
-        found[task.id] = dataclasses.replace(trained, experiment=tested, name=folder.name)
+    found = {task.id: trained_on(task, folder, chosen) for task in suite.TASKS}
+    short = [
+        id
+        for id, trained in found.items()
+        if trained.update
+        < trained.experiment.config.replace(total_steps=chosen.total_steps).updates
+    ]
 
     if short:
         print(
