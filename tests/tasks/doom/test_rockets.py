@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxenstein.tasks.doom.fixed import ONE
-from tests.tasks.doom.cases import place, places, started
+from tests.tasks.doom.cases import make, place, places, player, started
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +85,22 @@ def test_rocket_kills_the_monster_it_hits(prediction: Any) -> None:
     assert reward[hit] == pytest.approx(0.999)
     assert abs(after.monsters.position[hit, 0, 1]) < (31 + 11) * ONE
     assert np.flatnonzero(ends).tolist()[:1] == [hit + 1]
+
+
+def test_aim_reward_is_paid_for_better_aim_until_the_shot(prediction: Any) -> None:
+    """The monster walks north at 20 units in 3 tics, so a rocket meets it in the north of it."""
+    env, state, _ = prediction
+    params = make("doom-predict-position")[1].replace(aim_reward=2.0, living_reward=0.0)
+    left, attack = env.index_of("turn left"), env.index_of("attack")
+    actions = [left] * 6 + [0] * 4 + [attack] * 2 + [left] * 20
+    before = walking(state, 52.43, -100)
+    reward, _, _, after = player(env, params)(before, actions, seed=1)
+    x, y = 52.43 + 544, np.append(-100, after.monsters.position[:, 0, 1] / ONE)
+    meets = np.arctan2(y + 20 / 3 * (8 + np.hypot(x, y) / 20), x)
+    turned = np.append(0, after.angle.astype(np.uint32).view(np.int32) * np.pi / 2**31)
+    off = np.abs(meets - turned)
+    shot = int(np.flatnonzero(after.trigger.ammo == 0)[0])
+    assert 10 < shot < 31
+    np.testing.assert_allclose(reward[:shot], 2 * (off[:-1] - off[1:])[:shot], atol=0.02)
+    assert reward[:6].sum() > 0.1
+    np.testing.assert_array_equal(reward[shot:], 0)

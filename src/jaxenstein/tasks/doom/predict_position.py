@@ -51,12 +51,15 @@ class DoomPredictParams(Params):
     Attributes:
         kill_reward: reward of hitting the monster.
         living_reward: reward of every tic.
+        aim_reward: reward of each radian by which the aim gets better, until the shot; worse aim
+            costs as much. The best aim is where a rocket would meet the monster. 0 in the game.
     """
 
     max_steps_in_episode: Scalar = 300
     discount: Scalar = 0.99
     kill_reward: Scalar = 1.0
     living_reward: Scalar = -0.001
+    aim_reward: Scalar = 0.0
 
 
 class DoomPredictState(DoomState):
@@ -220,7 +223,7 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
         """Turn, shoot; then the monster walks, and the rocket flies."""
         bits = jax.random.bits(key, (2,), jnp.uint32)
         over = state.killed | (state.waits == 1)
-        origin = state.fixed_position
+        origin, error = state.fixed_position, off_by(self.lead(state)[0])
         state, _ = moved(self, state, action)
         attack = jnp.asarray(self.pressed(action).attack)
         state, fires = self.arsenal.tic(state, attack, self.held(action))
@@ -238,15 +241,39 @@ class DoomPredictPosition(DoomScenario[DoomPredictState, DoomPredictParams]):
             monsters=state.monsters.replace(health=health),
         )
         reward = params.living_reward + jnp.where(hits, params.kill_reward, 0)
+        aimed = params.aim_reward * (error - off_by(self.lead(state)[0]))
+        reward = reward + jnp.where(state.trigger.ammo > 0, aimed, 0)
         events = {"shots": fires.astype(jnp.int32), "kills": hits.astype(jnp.int32)}
         return state, reward, over, events
+
+    def lead(self, state: DoomPredictState) -> tuple[jax.Array, jax.Array]:
+        """Where a rocket that is fired now meets the monster.
+
+        Returns:
+            int32[], how far to turn left, 2**32 per turn; float32[2], the offset in map units.
+        """
+        weapon, monster = ROCKET_LAUNCHER, state.monsters
+        step = int(self.horde.speed[0]) / int(self.horde.frame_tics[self.horde.walk[0]])
+        angles = np.arange(8) * (math.pi / 4)
+        ways = np.stack([np.cos(angles), np.sin(angles)], axis=1) * step
+        way = jnp.asarray(ways, jnp.float32)[monster.direction[0] % 8]
+        target = place = offsets(state.fixed_position, monster.position)[0]
+        for _ in range(3):
+            flight = weapon.shot + jnp.sqrt(jnp.sum(target**2)) / weapon.speed
+            target = place + way * flight
+        error = bearing((target * ONE).astype(jnp.int32)) - state.angle.astype(jnp.int32)
+        return error, target
 
     def about(self) -> About:
         """A description of the task."""
         return About(
             aim="hit the monster",
             ends="in the tic after the hit, and in the 46th after the shot",
-            rewards={"kill_reward": "{:+g} for the hit", "living_reward": "{:+g} per tic"},
+            rewards={
+                "kill_reward": "{:+g} for the hit",
+                "living_reward": "{:+g} per tic",
+                "aim_reward": "{:+g} per radian of better aim",
+            },
             events=SHOOTING,
             variables={"health": "0 to 100", "ammo": "rockets left"},
             captions=("ammo",),
@@ -260,21 +287,10 @@ def lead_and_shoot(env: DoomPredictPosition, params: Any) -> Choose:
     """Turn to where the monster will be when the rocket arrives, and shoot."""
     del params
     left, right, shoot = (env.index_of(name) for name in (TURN_LEFT, TURN_RIGHT, ATTACK))
-    weapon, step = ROCKET_LAUNCHER, int(env.horde.speed[0])
-    tics = int(env.horde.frame_tics[env.horde.walk[0]])
-    angles = np.arange(8) * (math.pi / 4)
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1) * (step / tics)
 
     def choose(key: jax.Array, state: DoomPredictState) -> jax.Array:
         del key
-        monster = state.monsters
-        place = offsets(state.fixed_position, monster.position)[0]
-        way = jnp.asarray(ways, jnp.float32)[monster.direction[0] % 8]
-        target = place
-        for _ in range(3):
-            flight = weapon.shot + jnp.sqrt(jnp.sum(target**2)) / weapon.speed
-            target = place + way * flight
-        error = bearing((target * ONE).astype(jnp.int32)) - state.angle.astype(jnp.int32)
+        error, target = env.lead(state)
         aligned = off_by(error) * jnp.sqrt(jnp.sum(target**2)) < _SPARE
         turn = jnp.where(error > 0, jnp.int32(left), jnp.int32(right))
         acts = jnp.where(aligned, jnp.int32(shoot), turn)
