@@ -118,7 +118,7 @@ Actions: {named}. Any other number does nothing for a step.
 
 
 def variants(family: Family) -> str:
-    """A table of variants, which differ from the other environments only in sizes and numbers."""
+    """A table of variants, which the page does not describe one by one, and their agents."""
     if not family.variants:
         return ""
     rows = [
@@ -132,7 +132,9 @@ def variants(family: Family) -> str:
         for name, (env, params) in ((name, built(name)) for name in family.variants)
     ]
     listed = table(("id", "", "map", "levels", "horizon"), rows, right=(3, 4))
-    return f"## Variants\n\n{listed}\n\n"
+    agents = [(name, agent_in_vizdoom(name)) for name in family.variants]
+    shown = "".join(f"### `{name}`\n{text}\n" for name, text in agents if text)
+    return f"## Variants\n\n{listed}\n\n{shown}"
 
 
 def looks(family: Family) -> str:

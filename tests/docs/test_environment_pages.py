@@ -46,6 +46,9 @@ def test_pictures_and_animations_exist(pages) -> None:
         assert len(moving) == 2 * shows
         for path in [*shown, *moving]:
             assert (DOCS / path).is_file(), path
+    films = {path.name for path in DOCS.glob("_static/episodes/doom-*-both.webp")}
+    told = set(re.findall(r"doom-\S+-both\.webp", "".join(pages.values())))
+    assert films == told
 
 
 def test_numbers_match_the_tasks() -> None:
