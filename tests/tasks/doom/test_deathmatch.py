@@ -36,7 +36,11 @@ def match() -> Any:
     assert env.arsenal.index_of(PISTOL) == 2
     state = first_state(env, params)
     state = state.replace(**env.pose(place(*MIDDLE), jnp.uint32(0)), time=jnp.int32(0))
-    step = jax.jit(lambda key, state, action: env.transition(key, state, action, params))
+    transition = jax.jit(env.transition)
+
+    def step(key: jax.Array, state: Any, action: jax.Array, params: Any = params) -> Any:
+        return transition(key, state, action, params)
+
     return env, state, step
 
 
@@ -184,6 +188,10 @@ def test_kill_reward_depends_on_kind_and_the_dead_disappear(match: Any) -> None:
     after, reward, _, events = step(jax.random.key(3), alive, attack)
     assert (float(reward), int(events["kills"])) == (0, 0)
     assert int(after.monsters.living.sum()) == 1
+    params = env.check_params().replace(damage_reward=0.5)
+    after, reward, _, _ = step(jax.random.key(3), alive, attack, params)
+    lost = alive.monsters.health.sum() - after.monsters.health.sum()
+    assert float(reward) == 0.5 * int(lost) > 0
 
 
 def test_things_are_picked_up_by_walking_into_them(match: Any) -> None:
@@ -204,6 +212,8 @@ def test_things_are_picked_up_by_walking_into_them(match: Any) -> None:
     after, _, _, events = step(jax.random.key(4), state_at(36.5), forward)
     assert int(events["took_weapon"]) == 1
     assert not after.items[number]
+    params = env.check_params().replace(item_reward=0.5)
+    assert float(step(jax.random.key(4), state_at(36.5), forward, params)[1]) == 0.5
     assert after.arms.ammo.tolist() == [50, 8, 0]
     assert int(after.arms.pending) == env.arsenal.index_of(SUPER_SHOTGUN)
     hurt = state_at(36.5).replace(health=jnp.int32(0))

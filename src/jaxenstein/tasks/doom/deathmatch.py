@@ -73,6 +73,9 @@ class DoomMatchParams(FightParams):
 
     Attributes:
         kill_reward: factor on the rewards of the kinds of monsters.
+        damage_reward: reward of a point of damage that the player's bullets and blows do to
+            monsters. 0 in the game.
+        item_reward: reward of a thing that the player picks up. 0 in the game.
         death_penalty: subtracted from the reward of the tic in which the player dies.
         first: tics until the first monsters may appear.
         period: tics after which more may appear.
@@ -83,6 +86,8 @@ class DoomMatchParams(FightParams):
     max_steps_in_episode: Scalar = 4200
     discount: Scalar = 0.99
     kill_reward: Scalar = 1.0
+    damage_reward: Scalar = 0.0
+    item_reward: Scalar = 0.0
     death_penalty: Scalar = 0.0
     first: Scalar = number(105, 0)
     period: Scalar = number(10, 1)
@@ -258,6 +263,8 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         monsters = state.monsters.replace(present=state.monsters.living)
         state = self._joined(horde_key, state.replace(monsters=monsters), params)
         reward = jnp.sum(jnp.where(killed, _REWARDS, 0)) * params.kill_reward
+        reward = reward + params.damage_reward * fought.dealt.astype(jnp.float32)
+        reward = reward + params.item_reward * sum(took.values()).astype(jnp.float32)
         reward = reward - jnp.where(dead, params.death_penalty, 0)
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before}
         return state, reward, dead, events | {"hits": hits, **took, "died": dead}
@@ -305,6 +312,8 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
             ends="when the player dies",
             rewards={
                 "kill_reward": "{:+g} per zombie that dies, and 3 to 10 times that for others",
+                "damage_reward": "{:+g} per point of damage to a monster",
+                "item_reward": "{:+g} per thing picked up",
                 "death_penalty": "-{:g} at death",
             },
             events={

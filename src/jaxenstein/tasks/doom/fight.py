@@ -64,11 +64,13 @@ class Fought(PyTreeNode):
 
     Attributes:
         fires: bool[], whether the player fired a shot.
+        dealt: int32[], the damage of the player's bullets and blows to monsters.
         throws: bool[N], the monsters that throw a fireball.
         reached: the positions that the player reached.
     """
 
     fires: jax.Array
+    dealt: jax.Array
     throws: jax.Array
     reached: Reached
 
@@ -111,7 +113,9 @@ def fight(
     monsters = horde.hurt(monsters, blows.dealt, bits[:-1, 3], blows.source)
     state = _with_monsters(state, monsters)
     state = suffer(scenario, state, monsters.position, blows.lost, params)
-    return state, Fought(fires, throws(horde, monsters, attacks, blows.bitten), reached)
+    dealt = jnp.sum(damage, dtype=jnp.int32)
+    thrown = throws(horde, monsters, attacks, blows.bitten)
+    return state, Fought(fires, dealt, thrown, reached)
 
 
 def _with_monsters(state: S, monsters: Monsters) -> S:
