@@ -6,9 +6,9 @@
 - `sheets`: docs/images/environments/ID.png, views of an environment and its map, and a sheet of all
   environments, docs/images/environments.png (`docs/gallery.py`);
 - `looks`: docs/images/looks/ID.png, the looks of the first environment of each family;
-- `films`: docs/_static/episodes/ID-both.webp and its still, the start of an episode of the agent
-  `pretrained/ID-pixels` here and in ViZDoom, and, without ids, doom-both.webp, a whole episode
-  beside maps (needs the extras `baselines` and `vizdoom`);
+- `films`: docs/_static/episodes/ID-both.webp and its still, the start of an episode, or some short
+  episodes, of the agent `pretrained/ID-pixels` here and in ViZDoom, and, without ids,
+  doom-both.webp, a whole episode beside maps (needs the extras `baselines` and `vizdoom`);
 - `engine`: docs/images/engine, results of the engine (`docs/engine_pictures.py`).
 
 Equal versions of JAX, Pillow and this code draw equal files.
@@ -17,6 +17,7 @@ Equal versions of JAX, Pillow and this code draw equal files.
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,8 @@ LOOK, GAP, STARTS = (136, 102), 4, 48
 # steps per picture.
 AGENT, SEED, EVERY = "pretrained/doom-my-way-home", 16, 2
 # For the other films: the tics of a picture, about real time, and the maximum number of pictures.
-TICS, SHOWN = 4, 100
+# Episodes follow each other until there are enough pictures.
+TICS, SHOWN, ENOUGH = 4, 100, 30
 FILMED = tuple(name.removesuffix(PIXELS) for name in pretrained() if name.endswith(PIXELS))
 """The scenarios of ViZDoom for which the package has an agent that sees pixels."""
 
@@ -202,10 +204,14 @@ def draw_films(ids: Sequence[str]) -> None:
     for name in each(ids or FILMED, "filming"):
         policy = load_policy(f"pretrained/{name}{PIXELS}")
         every = max(1, TICS // policy.env.frame_skip)
-        here, there = (part.frames[: SHOWN * every : every] for part in play_both(policy, 1))
         gap = [(0, 0), (0, 0), (0, GAP), (0, 0)]
-        pictures = Both(np.pad(here, gap, constant_values=255), there)
-        save_with_still([*pictures], f"{name}-both")
+        pictures: list[np.ndarray] = []
+        for seed in itertools.count(1):
+            here, there = (part.frames[: SHOWN * every : every] for part in play_both(policy, seed))
+            pictures += Both(np.pad(here, gap, constant_values=255), there)
+            if len(pictures) >= ENOUGH:
+                break
+        save_with_still(pictures, f"{name}-both")
     if not ids:
         beside_maps, _ = film(load_policy(AGENT), SEED, EVERY)
         save_webp([*beside_maps], EPISODES / "doom-both.webp")
