@@ -263,8 +263,8 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         monsters = state.monsters.replace(present=state.monsters.living)
         state = self._joined(horde_key, state.replace(monsters=monsters), params)
         reward = jnp.sum(jnp.where(killed, _REWARDS, 0)) * params.kill_reward
-        reward = reward + params.damage_reward * fought.dealt.astype(jnp.float32)
-        reward = reward + params.item_reward * sum(took.values()).astype(jnp.float32)
+        reward = reward + params.damage_reward * jnp.float32(fought.dealt)
+        reward = reward + params.item_reward * jnp.float32(sum(took.values()))
         reward = reward - jnp.where(dead, params.death_penalty, 0)
         events = {"shots": fought.fires.astype(jnp.int32), "kills": state.kills - before}
         return state, reward, dead, events | {"hits": hits, **took, "died": dead}
