@@ -17,7 +17,6 @@ Equal versions of JAX, Pillow and this code draw equal files.
 from __future__ import annotations
 
 import argparse
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -54,8 +53,8 @@ LOOK, GAP, STARTS = (136, 102), 4, 48
 # For the film beside maps: the agent, the seed of an episode that starts far from the goal, and the
 # steps per picture.
 AGENT, SEED, EVERY = "pretrained/doom-my-way-home", 16, 2
-# For the other films: the tics of a picture, about real time, and the maximum number of pictures.
-# Episodes follow each other until there are enough pictures.
+# For the other films: the tics of a picture, about real time, the maximum number of pictures of an
+# episode, and the number of pictures until which episodes follow each other.
 TICS, SHOWN, ENOUGH = 4, 100, 30
 FILMED = tuple(name.removesuffix(PIXELS) for name in pretrained() if name.endswith(PIXELS))
 """The scenarios of ViZDoom for which the package has an agent that sees pixels."""
@@ -206,11 +205,11 @@ def draw_films(ids: Sequence[str]) -> None:
         every = max(1, TICS // policy.env.frame_skip)
         gap = [(0, 0), (0, 0), (0, GAP), (0, 0)]
         pictures: list[np.ndarray] = []
-        for seed in itertools.count(1):
+        seed = 0
+        while len(pictures) < ENOUGH:
+            seed += 1
             here, there = (part.frames[: SHOWN * every : every] for part in play_both(policy, seed))
             pictures += Both(np.pad(here, gap, constant_values=255), there)
-            if len(pictures) >= ENOUGH:
-                break
         save_with_still(pictures, f"{name}-both")
     if not ids:
         beside_maps, _ = film(load_policy(AGENT), SEED, EVERY)
