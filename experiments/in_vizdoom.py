@@ -1,24 +1,24 @@
-"""Train in ViZDoom itself, with the same trainer and config, for a given time.
+"""Train in ViZDoom itself, with the same trainer and options, for a given time.
 
-    python -m experiments.in_vizdoom CONFIG --out FILE [--env ID] [--minutes M] [--seed N] ...
+    python -m experiments.in_vizdoom --out FILE [--minutes M] [--clock cpu] [--scale S] OPTIONS ...
 
-CONFIG is a config for `jaxenstein train --config` with a `doom-` environment, or `--env` names
-another one. Instead of that environment, the program steps `num_envs` ViZDoom games
-(`jaxenstein.adapters.vizdoom.GameSession`); everything else is the same as in `jaxenstein train`.
-FILE gets a row of metrics after each update. Rewards are those of the game; if CONFIG divides them
-by 100, add `--scale 0.01`. If other programs share the core, use `--clock cpu` (Linux), which
-counts the CPU time of this program and its games. Needs the extras `baselines` and `vizdoom`.
+OPTIONS are flags of `jaxenstein train`, such as `--config`, `--env`, `--seed` and `--gamma`, and
+describe a `doom-` environment. Instead of that environment, the program steps `num_envs` ViZDoom
+games (`jaxenstein.adapters.vizdoom.GameSession`); everything else is the same as in
+`jaxenstein train`. FILE gets a row of metrics after each update. Rewards are those of the game; if
+the config divides them by 100, add `--scale 0.01`. If other programs share the core, use
+`--clock cpu` (Linux), which counts the CPU time of this program and its games. Needs the extras
+`baselines` and `vizdoom`.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +30,9 @@ from jax.experimental import io_callback
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.baselines import resolve
 from jaxenstein.baselines.learner import Learner
-from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.experiment import Experiment
-from jaxenstein.baselines.runs.options import read_file
+from jaxenstein.cli.arguments import Parser
+from jaxenstein.cli.opening import add_config, add_training_options, given_training
 from jaxenstein.environment import Environment
 from jaxenstein.files import append, check_writable
 from jaxenstein.pytree import PyTreeNode
@@ -124,16 +124,13 @@ CLOCKS: dict[str, Callable[[], float]] = {"wall": time.perf_counter, "cpu": cpu_
 
 
 def train(
-    config: str,
+    given: Mapping[str, Any],
     minutes: float,
-    seed: int,
     clock: Callable[[], float] = time.perf_counter,
     scale: float = 1.0,
-    **options: Any,
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game for some minutes of a clock; yield a row for each update."""
-    given = read_file(find_config(config)) | options | {"seed": seed, "seeds": 1}
-    experiment = resolve(given)
+    experiment = resolve({**given, "seeds": 1})
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)
@@ -165,26 +162,21 @@ def _train(
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Train, and write each row at once."""
-    parser = argparse.ArgumentParser(description="Train in ViZDoom itself.")
-    parser.add_argument("config")
+    parser = Parser(description="Train in ViZDoom itself.")
     parser.add_argument("--out", required=True, help="a JSON Lines file")
     parser.add_argument("--minutes", type=float, default=8.0)
-    parser.add_argument("--env", help="instead of the environment of CONFIG")
     parser.add_argument("--clock", choices=CLOCKS, default="wall")
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scale", type=float, default=1.0, help="factor on rewards (default 1)")
-    arguments = parser.parse_args(argv)
-    check_writable(arguments.out)
-    options = {"env": arguments.env} if arguments.env else {}
-    clock = CLOCKS[arguments.clock]
-    rows = train(
-        arguments.config, arguments.minutes, arguments.seed, clock, arguments.scale, **options
-    )
+    add_config(parser)
+    add_training_options(parser, without=["seeds"])
+    told = parser.parse_args(argv)
+    check_writable(told.out)
+    rows = train(given_training(told), told.minutes, CLOCKS[told.clock], told.scale)
     for number, row in enumerate(rows):
         if number == 0:
             # An old file stays until the first row replaces it.
-            Path(arguments.out).unlink(missing_ok=True)
-        append(Path(arguments.out), json.dumps(row) + "\n")
+            Path(told.out).unlink(missing_ok=True)
+        append(Path(told.out), json.dumps(row) + "\n")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +19,7 @@ from experiments import in_vizdoom
 
 
 class Counter:
-    """A session that ends after two steps plus a seventh of its number."""
+    """A session that ends after two steps plus its number."""
 
     def __init__(self, env: Any, params: Any, seed: int) -> None:
         self.number, self.begun = seed, 0
@@ -72,3 +74,34 @@ def test_games_step_independently_and_restart(monkeypatch: pytest.MonkeyPatch) -
     )
     np.testing.assert_array_equal(obs[:3, 1], [[1, 2, 1], [1, 2, 2], [1, 3, 0]])
     np.testing.assert_array_equal(info["final_observation"][2, 1], [1, 2, 2])
+
+
+class Dark(Counter):
+    """A session that ends after two steps plus its number, in the dark."""
+
+    def reset(self, seed: int) -> np.ndarray:
+        super().reset(seed)
+        self.observation = np.zeros((8, 8, 3), np.uint8)
+        return self.observation
+
+    def step(self, action: int) -> np.ndarray:
+        super().step(action)
+        self.observation = np.zeros((8, 8, 3), np.uint8)
+        return self.observation
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.slow
+def test_training_takes_the_flags_of_train(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only this test compiles a training with games."""
+    monkeypatch.setattr(in_vizdoom, "GameSession", Dark)
+    rows = tmp_path / "rows.jsonl"
+    sizes = "--num-envs 2 --rollout 4 --minibatches 1 --epochs 1 --features 8 --hidden 8 --head 8"
+    told = f"--env doom-basic --height 8 --width 8 {sizes} --network tiny --seed 3"
+    in_vizdoom.main([*told.split(), "--minutes", "1e-6", "--out", str(rows)])
+    first, *_ = [json.loads(line) for line in rows.read_text().splitlines()]
+    assert (first["seed"], first["steps"], first["seconds"]) == (3, 8, 0)
+    # The first game ends twice; the second, whose episodes have three steps, once.
+    assert first["episodes"] == 3
