@@ -368,15 +368,11 @@ def figure() -> Figure:
 
 
 def trainers_figure() -> Figure:
-    """Returns over minutes of a core for each agent, here and in the game."""
-    rows, here = stored()["trainers"], {row["id"]: row for row in _drawn()}
+    """Results in the game over minutes of a core for each agent, a panel for each scenario."""
+    rows = stored()["trainers"]
     ids = [*dict.fromkeys(row["id"] for row in rows)]
     drawing, panels = _panels(ids)
     for axes, id in zip(panels, ids, strict=True):
-        if id in here:
-            curve, seeds = here[id]["curve"], here[id]["seeds"]
-            minutes = np.array(curve["minutes"]) / seeds
-            _draw_curve(axes, minutes, curve["values"], HERE_TOO)
         for row in rows:
             if row["id"] == id:
                 _draw_curve(axes, row["minutes"], row["values"], row["trainer"])

@@ -9,6 +9,10 @@ games (`jaxenstein.adapters.vizdoom.GameSession`); everything else is the same a
 the config divides them by 100, add `--scale 0.01`. If other programs share the core, use
 `--clock cpu` (Linux), which counts the CPU time of this program and its games. Needs the extras
 `baselines` and `vizdoom`.
+
+With `--run RUN` the program trains here instead, in the new run directory RUN and for
+`--total-steps`, and tests the agent in the game after each twelfth of its training, with sampled
+actions. FILE gets a row of each test; its seconds are those of training on any clock.
 """
 
 from __future__ import annotations
@@ -28,14 +32,21 @@ import numpy as np
 from jax.experimental import io_callback
 
 from jaxenstein.adapters.vizdoom import GameSession
-from jaxenstein.baselines import resolve
+from jaxenstein.baselines import RunFolder, resolve
+from jaxenstein.baselines import train as run_training
 from jaxenstein.baselines.learner import Learner
+from jaxenstein.baselines.runs.agents import evaluate_in_game
 from jaxenstein.baselines.runs.experiment import Experiment
+from jaxenstein.baselines.runs.metrics import read_seconds
+from jaxenstein.baselines.runs.trained import load_trained
 from jaxenstein.cli.arguments import Parser
 from jaxenstein.cli.opening import add_config, add_training_options, given_training
 from jaxenstein.environment import Environment
 from jaxenstein.files import append, check_writable
 from jaxenstein.pytree import PyTreeNode
+
+# With --run: the parts of a training, and the episodes after each.
+PARTS, EPISODES = 12, 20
 
 
 class GameState(PyTreeNode):
@@ -130,7 +141,7 @@ def train(
     scale: float = 1.0,
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game for some minutes of a clock; yield a row for each update."""
-    experiment = resolve({**given, "seeds": 1})
+    experiment = resolve(given)
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)
@@ -160,6 +171,27 @@ def _train(
         }  # fmt: skip
 
 
+def train_here(folder: RunFolder) -> Iterator[dict[str, float]]:
+    """Train here; yield the results of a test in the game after each part of the training."""
+    config, at = folder.experiment.config, [0]
+    for part in range(1, PARTS + 1):
+        due = round(part * config.updates / PARTS)
+        update = run_training(
+            folder,
+            notify=lambda update, _: at.append(update),
+            stop=lambda due=due: at[-1] >= due,
+        )
+        results = evaluate_in_game(load_trained(folder.path), episodes=EPISODES)
+        yield {
+            "seed": folder.experiment.seeds[0],
+            "steps": update * config.steps_per_update,
+            "seconds": round(float(read_seconds(folder.path, update)[-1]), 1),
+            "episodes": EPISODES,
+            "return_sum": float(results.returns.sum()),
+            "successes": int(results.successes.sum()),
+        }
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Train, and write each row at once."""
     parser = Parser(description="Train in ViZDoom itself.")
@@ -167,11 +199,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--minutes", type=float, default=8.0)
     parser.add_argument("--clock", choices=CLOCKS, default="wall")
     parser.add_argument("--scale", type=float, default=1.0, help="factor on rewards (default 1)")
+    parser.add_argument("--run", type=Path, help="train here, in this new run directory")
     add_config(parser)
     add_training_options(parser, without=["seeds"])
     told = parser.parse_args(argv)
     check_writable(told.out)
-    rows = train(given_training(told), told.minutes, CLOCKS[told.clock], told.scale)
+    given = {**given_training(told), "seeds": 1}
+    if told.run:
+        rows = train_here(RunFolder.create(told.run, resolve(given)))
+    else:
+        rows = train(given, told.minutes, CLOCKS[told.clock], told.scale)
     for number, row in enumerate(rows):
         if number == 0:
             # An old file stays until the first row replaces it.

@@ -16,6 +16,7 @@ pytest.importorskip("flax")
 pytest.importorskip("gymnasium")
 
 from experiments import in_vizdoom
+from jaxenstein.baselines.runs.trained import Trained
 
 
 class Counter:
@@ -93,15 +94,41 @@ class Dark(Counter):
         pass
 
 
+SIZES = "--height 8 --width 8 --num-envs 2 --rollout 4 --minibatches 1 --epochs 1 --features 8"
+
+
 @pytest.mark.slow
 def test_training_takes_the_flags_of_train(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only this test compiles a training with games."""
     monkeypatch.setattr(in_vizdoom, "GameSession", Dark)
     rows = tmp_path / "rows.jsonl"
-    sizes = "--num-envs 2 --rollout 4 --minibatches 1 --epochs 1 --features 8 --hidden 8 --head 8"
-    told = f"--env doom-basic --height 8 --width 8 {sizes} --network tiny --seed 3"
+    told = f"--env doom-basic {SIZES} --network tiny --seed 3"
     in_vizdoom.main([*told.split(), "--minutes", "1e-6", "--out", str(rows)])
     first, *_ = [json.loads(line) for line in rows.read_text().splitlines()]
     assert (first["seed"], first["steps"], first["seconds"]) == (3, 8, 0)
     # The first game ends twice; the second, whose episodes have three steps, once.
     assert first["episodes"] == 3
+
+
+@pytest.mark.slow
+def test_agents_are_tested_after_each_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only this test trains in parts; the k-th test gives a return of k to each of two episodes."""
+    updates: list[int] = []
+
+    def in_game(trained: Trained, *, episodes: int) -> Any:
+        updates.append(trained.update)
+        values = np.full((1, 2), len(updates))
+        return SimpleNamespace(returns=values, successes=values > 3)
+
+    monkeypatch.setattr(in_vizdoom, "evaluate_in_game", in_game)
+    rows, run = tmp_path / "rows.jsonl", tmp_path / "run"
+    told = f"--env simple {SIZES} --network tiny --seed 3 --total-steps 144 --run {run}"
+    in_vizdoom.main([*told.split(), "--out", str(rows)])
+    tests = [json.loads(line) for line in rows.read_text().splitlines()]
+    # 18 updates of 8 decisions in twelve parts; halves are rounded to even numbers.
+    assert updates == [2, 3, 4, 6, 8, 9, 10, 12, 14, 15, 16, 18]
+    assert [row["steps"] for row in tests] == [8 * update for update in updates]
+    assert [row["return_sum"] for row in tests] == [2 * (k + 1) for k in range(12)]
+    assert [row["successes"] for row in tests] == [0, 0, 0] + 9 * [2]
+    seconds = [row["seconds"] for row in tests]
+    assert seconds == sorted(seconds)
