@@ -58,6 +58,8 @@ LOOKS = ("plain", "random", "game")
 # The look of the agents in the first table and in the figure.
 SHOWN = "game"
 POINTS, COLUMNS = 50, 3
+# The parts of a training in the game, each with the mean of its episodes.
+PARTS = 12
 # The scripted players beside the agents, their episodes, and the sides of frames nobody looks at.
 PLAYERS, PLAYED, SMALL = ("random", "expert"), 1000, 4
 # What tells the rows of each part of the file apart.
@@ -111,7 +113,7 @@ def add_trainer(trainer: str, id: str, files: Sequence[Path]) -> None:
     """
     seeds = [[json.loads(line) for line in file.read_text("utf-8").splitlines()] for file in files]
     total = "successes" if _measure({"id": id}) == "success" else "return_sum"
-    ends = np.linspace(0, max(rows[-1]["seconds"] for rows in seeds), POINTS // 2 + 1)[1:]
+    ends = np.linspace(0, max(rows[-1]["seconds"] for rows in seeds), PARTS + 1)[1:]
     row = {"id": id, "trainer": trainer, "minutes": [float(f"{end / 60:.4g}") for end in ends]}
     _store("trainers", {**row, "values": [_in_parts(rows, total, ends) for rows in seeds]})
 
@@ -370,12 +372,11 @@ def figure() -> Figure:
 def trainers_figure() -> Figure:
     """Results in the game over minutes of a core for each agent, a panel for each scenario."""
     rows = stored()["trainers"]
-    ids = [*dict.fromkeys(row["id"] for row in rows)]
+    ids, trainers = (sorted({row[key] for row in rows}) for key in KEYS["trainers"])
     drawing, panels = _panels(ids)
-    for axes, id in zip(panels, ids, strict=True):
-        for row in rows:
-            if row["id"] == id:
-                _draw_curve(axes, row["minutes"], row["values"], row["trainer"])
+    for row in rows:
+        color, axes = f"C{trainers.index(row['trainer'])}", panels[ids.index(row["id"])]
+        _draw_curve(axes, row["minutes"], row["values"], row["trainer"], color)
     panels[0].legend(frameon=False, fontsize="small")
     drawing.supxlabel("minutes of a core for each agent")
     return drawing
@@ -396,9 +397,11 @@ def _panels(ids: Sequence[str]) -> tuple[Figure, list[Axes]]:
     return drawing, panels[: len(ids)]
 
 
-def _draw_curve(axes: Axes, at: Any, values: Any, label: str | None = None) -> None:
+def _draw_curve(
+    axes: Axes, at: Any, values: Any, label: str | None = None, color: str | None = None
+) -> None:
     """Means of all seeds with 95 % bands."""
     at, (mean, low, high) = np.asarray(at), band(np.array(values, np.float64))
     there = ~np.isnan(mean)
-    (line,) = axes.plot(at[there], mean[there], label=label)
+    (line,) = axes.plot(at[there], mean[there], label=label, color=color)
     axes.fill_between(at[there], low[there], high[there], color=line.get_color(), alpha=0.2, lw=0)
