@@ -22,7 +22,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,10 @@ from jaxenstein.baselines.runs.agents import evaluate_in_game
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.trained import load_trained
-from jaxenstein.cli.arguments import Parser
+from jaxenstein.cli.arguments import Parser, UsageError
 from jaxenstein.cli.opening import add_config, add_training_options, given_training
 from jaxenstein.environment import Environment
+from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import append, check_writable
 from jaxenstein.pytree import PyTreeNode
 
@@ -135,13 +136,12 @@ CLOCKS: dict[str, Callable[[], float]] = {"wall": time.perf_counter, "cpu": cpu_
 
 
 def train(
-    given: Mapping[str, Any],
+    experiment: Experiment,
     minutes: float,
     clock: Callable[[], float] = time.perf_counter,
     scale: float = 1.0,
 ) -> Iterator[dict[str, float]]:
     """Train one run in the game for some minutes of a clock; yield a row for each update."""
-    experiment = resolve(given)
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
         yield from _train(games, params, experiment, minutes, clock)
@@ -202,13 +202,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--run", type=Path, help="train here, in this new run directory")
     add_config(parser)
     add_training_options(parser, without=["seeds"])
-    told = parser.parse_args(argv)
-    check_writable(told.out)
-    given = {**given_training(told), "seeds": 1}
-    if told.run:
-        rows = train_here(RunFolder.create(told.run, resolve(given)))
+    try:
+        told = parser.parse_args(argv)
+        experiment = resolve({**given_training(told), "seeds": 1})
+        check_writable(told.out)
+        folder = RunFolder.create(told.run, experiment) if told.run else None
+    except (UsageError, JAXensteinError) as error:
+        raise SystemExit(str(error)) from None
+    if folder:
+        rows = train_here(folder)
     else:
-        rows = train(given, told.minutes, CLOCKS[told.clock], told.scale)
+        rows = train(experiment, told.minutes, CLOCKS[told.clock], told.scale)
     for number, row in enumerate(rows):
         if number == 0:
             # An old file stays until the first row replaces it.

@@ -132,3 +132,13 @@ def test_agents_are_tested_after_each_part(tmp_path: Path, monkeypatch: pytest.M
     assert [row["successes"] for row in tests] == [0, 0, 0] + 9 * [2]
     seconds = [row["seconds"] for row in tests]
     assert seconds == sorted(seconds)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [("--gamma 2", "a finite number from 0 to 1, not 2.0"), ("--env doom-bassic", "doom-basic")],
+)
+def test_wrong_flags_are_told_in_a_line(wrong: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=told):
+        in_vizdoom.main(["--out", str(tmp_path / "rows"), "--env", "doom-basic", *wrong.split()])
+    assert not any(tmp_path.iterdir())
