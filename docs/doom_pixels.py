@@ -164,7 +164,7 @@ def flags_of(about: Experiment) -> str:
     usual = resolve({**read_file(find_config("doom-pixels")), "env": own["env"], "look": "plain"})
     same = {**given_by(usual), **{name: own.get(name) for name in ("look", "params")}}
     flags = [
-        f"--{name.replace('_', '-')}" + f" {value}" * (value is not True)
+        f"--{name.replace('_', '-')}" + f" {_told(value)}" * (value is not True)
         for name, value in own.items()
         if value != same.get(name)
     ]
@@ -173,9 +173,9 @@ def flags_of(about: Experiment) -> str:
 
 
 def _told(value: Any) -> str:
-    """A param as a flag takes it; two numbers are the ends of a range."""
+    """A value as a flag takes it; two numbers are the ends of a range."""
     ends = value if isinstance(value, tuple) else (value,)
-    return ":".join(f"{end:.9g}" for end in ends)
+    return ":".join(f"{end:.9g}" if isinstance(end, float) else f"{end}" for end in ends)
 
 
 def reward_scale(spec: Spec) -> float | None:
