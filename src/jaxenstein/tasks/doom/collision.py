@@ -17,10 +17,12 @@ import numpy as np
 
 from ..._jax.batching import varying
 from .fixed import ONE, direction
-from .maps import Line, ends_of, load_map
+from .maps import THING_RADIUS, Line, ends_of, load_map
 
 RADIUS = 16
 """Half the side of the player's box in map units."""
+REACH = RADIUS + THING_RADIUS
+"""Along both axes, the player touches things that are nearer than this, in map units."""
 CELL_BITS = 20
 BLOCK_BITS = 23
 """The width in map units of a block of the game's index of lines, and of a cell here."""

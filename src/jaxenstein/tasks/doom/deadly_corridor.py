@@ -16,7 +16,7 @@ from ...params import Params, Scalar, number
 from ...players.chance import NO_OP
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
-from .collision import Geometry, build_geometry, offsets, segments
+from .collision import REACH, Geometry, build_geometry, offsets, segments
 from .drops import Drops
 from .fight import FightParams, FightState, before_fight, fight
 from .fixed import ONE
@@ -25,7 +25,6 @@ from .maps import ARMOUR, MapThing
 from .monster_ai import sight
 from .monster_kinds import CHAINGUN_GUY, SHOTGUN_GUY, ZOMBIE, standing
 from .monsters import Horde
-from .my_way_home import REACH
 from .parts import Health, Part
 from .physics import ALL_MOVES, FORWARD, touches
 from .players import only, turn_and_shoot, walker

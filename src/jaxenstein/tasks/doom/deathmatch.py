@@ -15,7 +15,7 @@ from ...environment import Info
 from ...params import Params, Scalar, number
 from ..draws import random_bits, sample_index
 from .arsenal import SELECT, SWITCHING, Arms, Arsenal
-from .collision import segments
+from .collision import REACH, segments
 from .deathmatch_look import SCENERY, Fog, Fogs, Scenery
 from .fight import FightParams, FightState, before_fight, fight, fly_fireballs, fly_rockets
 from .fixed import ONE
@@ -41,7 +41,6 @@ from .physics import (
     TURN_RIGHT,
     touches,
 )
-from .pickups import REACH
 from .players import HUNT, tiles_of
 from .projectiles import HITS, Missiles, Projectiles, fireballs, rockets
 from .respawn import invaded, words
@@ -258,7 +257,7 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
         state, hits = fly_fireballs(self, self.fireballs, ball_key, state, fought, params)
         killed = living & ~state.monsters.living
         dead = state.health <= 0
-        reach = touches(fought.reached, jnp.asarray(self.items.places), REACH // ONE)
+        reach = touches(fought.reached, jnp.asarray(self.items.places), REACH)
         state, took = self.items.taken(state, reach & state.items & ~dead)
         monsters = state.monsters.replace(present=state.monsters.living)
         state = self._joined(horde_key, state.replace(monsters=monsters), params)

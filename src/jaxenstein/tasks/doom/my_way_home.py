@@ -17,7 +17,7 @@ from ...engine.motion import length
 from ...engine.shade import ImageKind
 from ...environment import Info
 from ...params import Params, Scalar
-from .collision import LATTICE, Geometry, load_geometry
+from .collision import LATTICE, REACH, Geometry, load_geometry
 from .fixed import ONE
 from .game_look import gilded
 from .items import Goal
@@ -30,8 +30,6 @@ from .pose import ANY_ANGLE, DoomState
 from .scenario import DoomScenario
 from .view import BROWN, Room
 
-# The sum of the half-widths of the player and of the armour.
-REACH = 16 + 20
 # The spacing of the points that are checked along a straight path, in map units.
 _SAMPLE = 2
 EVERY_SPOT = tuple(range(10, 27))

@@ -16,14 +16,12 @@ import numpy as np
 from ..._jax.batching import varying, where_few
 from ..draws import random_bits
 from ..health import FULL_HEALTH
-from .collision import BLOCK_BITS, RADIUS, Geometry
+from .collision import BLOCK_BITS, RADIUS, REACH, Geometry
 from .fixed import ONE
 from .maps import THING_RADIUS, load_free_places
 from .parts import Game, GameObject, Part, Sprites
 from .physics import Reached
 from .view import Picture
-
-REACH = (RADIUS + THING_RADIUS) * ONE
 
 
 @dataclass(frozen=True)
@@ -220,10 +218,10 @@ def touched(reached: Reached, places: jax.Array, present: jax.Array) -> jax.Arra
     """
 
     def others(others: jax.Array, places: jax.Array) -> jax.Array:
-        close = jnp.abs(others[:, None] - places[None]) < REACH
+        close = jnp.abs(others[:, None] - places[None]) < REACH * ONE
         return jnp.any(jnp.all(close, axis=-1), axis=0)
 
-    first = jnp.all(jnp.abs(places - reached.target[None]) < REACH, axis=-1)
+    first = jnp.all(jnp.abs(places - reached.target[None]) < REACH * ONE, axis=-1)
     more = where_few(others)(reached.slid, reached.others, places)
     return present & reached.moving & (first | (more & reached.slid))
 
