@@ -188,8 +188,8 @@ def _means(shipped: Compared) -> list[list[str]]:
 
 def _interval(value: float, low: float, high: float) -> str:
     """A score with its interval; adding 0 turns -0 into 0."""
-    value, low, high = (round(number, 3) + 0.0 for number in (value, low, high))
-    return f"{value:.3f} ({low:.3f} to {high:.3f})"
+    value, low, high = (round(number, 2) + 0.0 for number in (value, low, high))
+    return f"{value:.2f} ({low:.2f} to {high:.2f})"
 
 
 def with_suite_tables(page: str) -> str:
