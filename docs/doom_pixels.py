@@ -377,7 +377,8 @@ def trainers_figure() -> Figure:
     for row in rows:
         color, axes = f"C{trainers.index(row['trainer'])}", panels[ids.index(row["id"])]
         _draw_curve(axes, row["minutes"], row["values"], row["trainer"], color)
-    panels[0].legend(frameon=False, fontsize="small")
+    lines = panels[0].get_legend_handles_labels()
+    drawing.legend(*lines, loc="outside upper center", ncols=len(trainers), frameon=False)
     drawing.supxlabel("minutes of a core for each agent")
     return drawing
 
