@@ -120,7 +120,7 @@ def training_figure() -> Figure:
     panels = figure.subplots(-(-len(suite.TASKS) // COLUMNS), COLUMNS, sharex=True, sharey=True)
     for axes, task in zip(panels.flat, suite.TASKS, strict=False):
         ends = suite.references()[task.id]
-        for algo, curves in stored_curves().items():
+        for number, (algo, curves) in enumerate(stored_curves().items()):
             if task.id not in curves:
                 continue
             at = np.array(curves[task.id]["decisions"]) / 1e6
@@ -129,13 +129,14 @@ def training_figure() -> Figure:
             there = ~np.isnan(returns).all(axis=0)
             scores = (returns[:, there] - ends.random) / (ends.expert - ends.random)
             mean, low, high = band(scores)
-            (line,) = axes.plot(at[there], mean, label=algo.upper())
-            axes.fill_between(at[there], low, high, color=line.get_color(), alpha=0.2, lw=0)
+            axes.plot(at[there], mean, label=algo.upper(), color=f"C{number}")
+            axes.fill_between(at[there], low, high, color=f"C{number}", alpha=0.2, lw=0)
         axes.set_title(task.id, fontsize="small")
         axes.set_ylim(-0.1, 1.05)
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
-    panels.flat[0].legend(frameon=False)
+    lines = panels.flat[0].get_legend_handles_labels()
+    figure.legend(*lines, loc="outside upper center", ncols=len(stored_curves()), frameon=False)
     figure.supxlabel("million decisions", fontsize="medium")
     figure.supylabel("score on the training levels", fontsize="medium")
     return figure

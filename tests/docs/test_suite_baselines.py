@@ -42,10 +42,14 @@ def test_the_curves_belong_to_the_results() -> None:
 def test_the_page_says_what_was_measured() -> None:
     page = " ".join((suite_baselines.HERE / "suite.md").read_text("utf-8").split())
     ppo, rnd = (suite.baselines()[f"{name} (baseline)"] for name in ("PPO", "RND"))
+    icm = suite_baselines.partial_results()["icm"]
     for mine, task, solved in (
         (rnd, "simple", 4),
         (rnd, "key-door", 4),
         (rnd, "dmlab-static-01", 0),
+        (icm, "simple", 1),
+        (icm, "key-door", 4),
+        (icm, "dmlab-static-01", 0),
         (ppo, "simple", 0),
         (ppo, "key-door", 1),
         (ppo, "dmlab-static-01", 0),
