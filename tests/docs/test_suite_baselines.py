@@ -105,7 +105,7 @@ def test_an_algorithm_is_added_from_its_runs(
     assert [one.returns.shape for one in results] == [(2, 100)] * 2
     for one in results:
         ends = suite.references()[str(one.environment.id)]
-        score = normalised(one.returns.mean(), ends.random, ends.expert)
+        score = float(normalised(one.returns.mean(), ends.random, ends.expert))
         assert f"| `{one.environment.id}` | {round(score, 2) + 0.0:.2f} (" in page.read_text()
     curves = json.loads(Path("curves/e3b.json").read_text())
     assert curves["simple"]["decisions"] == [128, 256]
