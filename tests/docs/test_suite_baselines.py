@@ -39,6 +39,12 @@ def test_the_curves_belong_to_the_results() -> None:
             assert curve["decisions"][-1] == pytest.approx(3_000_000, rel=0.01)
 
 
+def test_an_algorithm_has_one_colour_in_all_panels() -> None:
+    lines = [line for axes in suite_baselines.training_figure().axes for line in axes.lines]
+    colours = {(line.get_label(), line.get_color()) for line in lines}
+    assert len(colours) == len(suite_baselines.stored_curves())
+
+
 def test_the_page_says_what_was_measured() -> None:
     page = " ".join((suite_baselines.HERE / "suite.md").read_text("utf-8").split())
     ppo, rnd = (suite.baselines()[f"{name} (baseline)"] for name in ("PPO", "RND"))

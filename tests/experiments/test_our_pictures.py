@@ -16,13 +16,10 @@ from jaxenstein.adapters.vizdoom import GameSession
 AGENT = "pretrained/doom-my-way-home-pixels"
 
 
-def test_agents_get_as_much_from_our_pictures(capsys: pytest.CaptureFixture[str]) -> None:
-    """In My Way Home almost all pixels are equal."""
+def test_agents_play_the_game_from_our_pictures(capsys: pytest.CaptureFixture[str]) -> None:
     assert our_pictures.main([AGENT, "--episodes", "2", "--greedy"]) == 0
-    theirs, ours = (line.split(": ") for line in capsys.readouterr().out.splitlines())
-    assert [theirs[0], ours[0]] == ["the game's pictures", "our pictures"]
-    assert float(theirs[1].split()[0]) == pytest.approx(float(ours[1].split()[0]), abs=0.05)
-    assert float(theirs[1].split()[0]) > 0.8
+    # An agent that does not find the armour gets -0.21.
+    assert float(capsys.readouterr().out.split()[0]) > 0.8
 
 
 def test_the_agent_sees_our_picture_of_the_state() -> None:
