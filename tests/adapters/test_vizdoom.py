@@ -27,6 +27,7 @@ from jaxenstein.engine.render import render
 from jaxenstein.episodes.policies import Script
 from jaxenstein.errors import SettingError
 from jaxenstein.maps.symbols import CEILING, FLOOR
+from jaxenstein.params import Range
 from jaxenstein.tasks.doom.fixed import ONE
 
 pytest.importorskip("gymnasium")
@@ -199,6 +200,17 @@ def test_actions_rewards_and_ends_mean_the_same(world: Any, game: Game) -> None:
         assert session.info == {"success": False}
         with pytest.raises(SettingError, match="call reset before step"):
             session.step(0)
+
+
+def test_ranges_and_settings_of_the_game(world: Any, game: Game) -> None:
+    """The game has its own rules, so ranges that agents trained with must not stop it."""
+    env, params = world
+    params = params.replace(living_reward=Range(-2.0, -1.0))
+    games = vizdoom.play_game(
+        env, params, Script([3] * 30), prepare=lambda played: played.set_doom_skill(1), episodes=1
+    )
+    np.testing.assert_allclose(games.returns, -0.009, rtol=1e-5)
+    assert game.settings["set_doom_skill"] == (1,)
 
 
 def test_several_episodes_and_gymnasium_env(world: Any, game: Game) -> None:

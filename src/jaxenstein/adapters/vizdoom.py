@@ -20,6 +20,7 @@ from ..environment import AnyEnvironment
 from ..episodes.policies import Policy
 from ..episodes.session import NO_OP, Session, check_seed, whole_action
 from ..errors import SettingError, quoted
+from ..params import drawn
 from ..tasks.doom.game_look import screen_of
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
@@ -69,14 +70,23 @@ class GameSession(Session):
 
     env: DoomScenario[Any, Any]  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def __init__(self, env: AnyEnvironment, params: Any = None, seed: int = 0) -> None:
+    def __init__(
+        self,
+        env: AnyEnvironment,
+        params: Any = None,
+        seed: int = 0,
+        prepare: Callable[[Any], object] = lambda game: None,
+    ) -> None:
         """Start the game.
 
         Args:
             env: an environment of the `doom-` family; its buttons, frame skip, image size, kind
                 of observation and WAD file also apply in the game.
-            params: its params; only `max_steps_in_episode` matters in the game.
+            params: its params; only `max_steps_in_episode` matters in the game. `seed` draws
+                numbers from ranges.
             seed: the seed of the first episode.
+            prepare: a function that changes more settings of the `vizdoom.DoomGame` before it
+                starts.
 
         Raises:
             SettingError: the game has no such scenario or no screen for the image, the params
@@ -85,7 +95,7 @@ class GameSession(Session):
         check_seed(seed)
         scenario = check_scenario(env)
         assert isinstance(env, DoomScenario)
-        params = env.single_params(params)
+        params = env.single_params(drawn(params, seed))
         limit = int(params.max_steps_in_episode)
         self._picks = env.on_screen and env.observation in ("rgb", "gray", "dict")
         size, weapon = screen_for(env.height, env.width), env.show_weapon
@@ -93,7 +103,7 @@ class GameSession(Session):
             rows, columns = screen_of(env.view_height, int(env.width), int(env.samples))
             size, weapon = (columns, rows), env.shows_weapon
 
-        def prepare(game: Any) -> None:
+        def settings(game: Any) -> None:
             game.set_screen_format(load_vizdoom().ScreenFormat.RGB24)
             game.set_render_weapon(weapon)
             game.set_render_crosshair(False)
@@ -104,6 +114,7 @@ class GameSession(Session):
             game.set_episode_timeout(limit)
             if env.wad is not None:
                 game.set_doom_game_path(env.wad)
+            prepare(game)
 
         self._stack = contextlib.ExitStack()
         self._game = self._stack.enter_context(
@@ -112,7 +123,7 @@ class GameSession(Session):
                 seed=seed,
                 variables=(*VARIABLES, *env.game_variables),
                 size=size,
-                prepare=prepare,
+                prepare=settings,
             )
         )
         self._held = [
@@ -276,6 +287,7 @@ def play_game(
     *,
     episodes: int = 100,
     seed: int = 0,
+    prepare: Callable[[Any], object] = lambda game: None,
     notify: Callable[[int], object] = lambda done: None,
 ) -> Games:
     """Play whole episodes in the game.
@@ -287,13 +299,14 @@ def play_game(
             `episodes.policies.named_policy`.
         episodes: the number of episodes.
         seed: the seed of the first episode; each next episode adds 1.
+        prepare: see `GameSession`.
         notify: called with the number of episodes played so far.
 
     Raises:
         SettingError: the game has no such scenario.
     """
     returns, lengths, successes = [], [], []
-    with GameSession(env, params, seed) as session:
+    with GameSession(env, params, seed, prepare) as session:
         for number in range(episodes):
             if number:
                 session.reset((seed + number) % 2**32)

@@ -14,6 +14,7 @@ from ..adapters.vizdoom_buffers import picked_image
 from ..episodes.policies import Policy
 from ..episodes.recorder import play
 from ..episodes.session import Session
+from ..params import drawn
 from ..view.episode import Episode, Pictures
 
 # Both pictures have the size of the game's smallest screen.
@@ -63,7 +64,7 @@ def play_both(policy: Any, seed: int) -> tuple[Episode, Episode]:
         policy: a trained policy, which sees observations of its own size.
         seed: seed of both episodes.
     """
-    env, params = policy.env, policy.params
+    env, params = policy.env, drawn(policy.params, seed)
     shown = dataclasses.replace(
         env, observation="rgb", height=HEIGHT, width=WIDTH, autoreset=None, final_observation=False
     )
