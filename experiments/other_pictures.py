@@ -1,6 +1,6 @@
 """Play in ViZDoom from other pictures, to find out whether pictures explain a difference.
 
-    python -m experiments.other_pictures AGENT [--see ours] [--episodes N] [--greedy]
+    python -m experiments.other_pictures AGENT [--see ours|clean] [--episodes N] [--greedy]
 
 AGENT is a run directory, an exported file or `pretrained/NAME`, of agents that see colours in a
 scenario of ViZDoom. Each agent plays episodes of the game. With `--see ours`, it sees our picture
