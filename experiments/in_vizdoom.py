@@ -5,19 +5,20 @@
 OPTIONS are flags of `jaxenstein train`, such as `--config`, `--env`, `--seed` and `--gamma`, and
 describe a `doom-` environment. Instead of that environment, the program steps `num_envs` ViZDoom
 games (`jaxenstein.adapters.vizdoom.GameSession`); everything else is the same as in
-`jaxenstein train`. FILE gets a row of metrics after each update. Rewards are those of the game; if
-the config divides them by 100, add `--scale 0.01`. If other programs share the core, use
-`--clock cpu` (Linux), which counts the CPU time of this program and its games. Needs the extras
+`jaxenstein train`. FILE gets a row of metrics after each update. Rewards are those of the game;
+`--scale 0.01` divides them by 100 for training, and not in FILE. If other programs share the core,
+use `--clock cpu` (Linux), which counts the CPU time of this program and its games. Needs the extras
 `baselines` and `vizdoom`.
 
 With `--run RUN` the program trains here instead, in the new run directory RUN and for
 `--total-steps`, and tests the agent in the game after each twelfth of its training, with sampled
-actions. FILE gets a row of each test; its seconds are those of training on any clock.
+actions. FILE gets a row of each test; its `seconds` are wall-clock seconds of training.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import sys
@@ -141,14 +142,22 @@ def train(
     clock: Callable[[], float] = time.perf_counter,
     scale: float = 1.0,
 ) -> Iterator[dict[str, float]]:
-    """Train one run in the game for some minutes of a clock; yield a row for each update."""
+    """Train one run in the game for some minutes of a clock; yield a row for each update.
+
+    The agent learns from rewards multiplied by `scale`; rows have the game's own.
+    """
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
-        yield from _train(games, params, experiment, minutes, clock)
+        yield from _train(games, params, experiment, minutes, clock, scale)
 
 
 def _train(
-    games: Games, params: Any, experiment: Experiment, minutes: float, clock: Callable[[], float]
+    games: Games,
+    params: Any,
+    experiment: Experiment,
+    minutes: float,
+    clock: Callable[[], float],
+    scale: float,
 ) -> Iterator[dict[str, float]]:
     learner = Learner(games, params, experiment.config)
     state = learner.init(experiment.keys()[0], experiment.numbers())
@@ -156,6 +165,7 @@ def _train(
     while seconds < 60 * minutes:
         state, metrics = learner.train_chunk(state, experiment.numbers(), 1)
         row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
+        row["return_sum"] /= scale
         updates += 1
         steps = updates * experiment.config.steps_per_update
         # Time counts from the end of the first update, which includes compilation.
@@ -204,19 +214,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     add_training_options(parser, without=["seeds"])
     try:
         told = parser.parse_args(argv)
+        if told.run and (told.minutes, told.clock, told.scale) != (8.0, "wall", 1.0):
+            parser.error("--run takes neither --minutes nor --clock nor --scale")
         experiment = resolve({**given_training(told), "seeds": 1})
         check_writable(told.out)
-        folder = RunFolder.create(told.run, experiment) if told.run else None
+        if told.run:
+            rows = train_here(RunFolder.create(told.run, experiment))
+        else:
+            rows = train(experiment, told.minutes, CLOCKS[told.clock], told.scale)
+        first = next(rows)
     except (UsageError, JAXensteinError) as error:
         raise SystemExit(str(error)) from None
-    if folder:
-        rows = train_here(folder)
-    else:
-        rows = train(experiment, told.minutes, CLOCKS[told.clock], told.scale)
-    for number, row in enumerate(rows):
-        if number == 0:
-            # An old file stays until the first row replaces it.
-            Path(told.out).unlink(missing_ok=True)
+    # An old file stays until the first row replaces it.
+    Path(told.out).unlink(missing_ok=True)
+    for row in itertools.chain([first], rows):
         append(Path(told.out), json.dumps(row) + "\n")
 
 

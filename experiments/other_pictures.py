@@ -5,13 +5,13 @@
 AGENT is a run directory, an exported file or `pretrained/NAME`, of agents that see colours in a
 scenario of ViZDoom. Each agent plays episodes of the game. With `--see ours`, it sees our picture
 of each state of the game. With `--see clean`, it sees the game's pictures without blood, particles
-and the smoke of bullets, which ours lack. Printed is the mean return over all agents and episodes,
-with its 95 % interval.
+and the smoke of bullets, which ours lack. The program prints the mean return over all agents and
+episodes, with its 95 % interval.
 
 Compare it with `jaxenstein evaluate AGENT`, here, and with `--in vizdoom`, from the game's pixels
 of the same episodes. If it equals the return here, the gap comes from the pictures. Otherwise the
-rules differ, or, with `--see ours`, what our pictures of the game's states lack: the game does not
-report the frames of monsters and of the weapon, so ours show the first ones. Needs the extras
+rules differ. With `--see ours` there is another possible cause: the game does not report the frames
+of monsters and of the weapon, so our pictures of its states show the first frames. Needs the extras
 `baselines` and `vizdoom`.
 """
 

@@ -6,8 +6,8 @@
 The settings are those of ViZDoom's example: 32 games of `vizdoom.gymnasium_wrapper`, frame skip 4,
 80x60 pixels, a hundredth of the rewards, rollouts of 128 steps, and otherwise the defaults of
 `stable_baselines3.PPO`. The frames are every fourth pixel of the screen, which our environments
-draw, too. The agent then plays here without further training. Printed are mean returns of sampled
-actions, with 95 % intervals.
+draw, too. The agent then plays here without further training. The program prints the mean returns
+of sampled actions, with 95 % intervals.
 
 `--model` keeps the agent; if the file exists, there is no training. `--rows` keeps a row for each
 rollout, like those of `experiments.in_vizdoom`; a success is an episode with a positive return, as
@@ -116,6 +116,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--model", type=Path, help="the agent's file, .zip")
     parser.add_argument("--rows", type=Path, help="a new JSON Lines file")
     told = parser.parse_args(argv)
+    if told.episodes < 1:
+        parser.error(f"--episodes should be at least 1, not {told.episodes}")
     if told.rows and told.rows.exists():
         parser.error(f"{told.rows} already exists")
     for file in filter(None, (told.rows, told.model)):

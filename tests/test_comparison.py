@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from jaxenstein import SettingError
 from jaxenstein.comparison import Reference, gather, read_reference, run_returns, run_scores
 from jaxenstein.results import Results
+from jaxenstein.spec import Spec
 from tests.results_of import results_of, write_all
 
 ONE, TWO = [[0.0, 1.0], [1.0, 1.0]], [[0.5, 0.0], [0.0, 0.0]]
@@ -80,6 +82,15 @@ def test_explicit_defaults_are_no_difference(tmp_path: Path) -> None:
         # Neither can be built: they are compared as they are written.
         ({"settings": {"frame_skip": "many"}}, "'frame_skip' is the default in .* and 'many' in"),
         ({"settings": {"no_such": 1}}, "'no_such' is the default in"),
+        # The first setting is the default, so the second makes the difference.
+        (
+            {"settings": {"field_of_view": 60.0, "look": "random"}},
+            "the setting 'look' is the default in .* and 'random' in",
+        ),
+        (
+            {"params": {"goal_reward": 1.0, "living_reward": 0.5}},
+            "'living_reward' is the default",
+        ),
         ({"policy": "a"}, "a on simple: the run 'seed-0' is both in .*0.json and in .*1.json"),
         ({"policy": "a", "first": 2, "seed": 5}, "a on simple: seed 0 in .* and 5 in .*1.json"),
         ({"task": "t-maze"}, "a has no results for t-maze, but b does: .* the same tasks"),
@@ -91,6 +102,28 @@ def test_incomparable_results_are_refused(
     two = results_of(**{"task": "simple", "returns": TWO, "policy": "b", **others})
     with pytest.raises(SettingError, match=words):
         gathered(tmp_path, results_of("simple", ONE, "a"), two)
+
+
+def test_maps_that_differ_late_are_told_apart(tmp_path: Path) -> None:
+    wall = "#" * 60
+    one, two = (f"{wall}\n#S{'.' * 55}{end}G#\n{wall}\n" for end in (".", "#"))
+    results = [
+        dataclasses.replace(results_of("", ONE, policy), environment=Spec(None, 0, settings, {}))
+        for policy, text in (("a", one), ("b", two))
+        for settings in [{"text": text, "name": "hall"}]
+    ]
+    with pytest.raises(SettingError, match=r"hall: line 2 of the setting 'text' is '#S\.\."):
+        gathered(tmp_path, *results)
+
+
+def test_episodes_in_the_game_are_another_policy(tmp_path: Path) -> None:
+    here = results_of("simple", ONE, "a")
+    there = dataclasses.replace(here, policy="a in ViZDoom", made_with={"vizdoom": "1.3"})
+    (path,) = write_all(tmp_path, {"both.json": [here, there]})
+    assert list(gather([(None, path)])) == ["a", "a in ViZDoom"]
+    assert list(gather([("b", path)])) == ["b", "b in ViZDoom"]
+    own = results_of("simple", TWO, "a", None)
+    assert list(gathered(tmp_path, here, own)) == ["a, sampled", "a, own actions"]
 
 
 def test_runs_need_the_same_episodes(tmp_path: Path) -> None:

@@ -102,11 +102,30 @@ def test_summary_shows_means() -> None:
         ({"actions": "best"}, "must be 'greedy', 'sampled' or None, not 'best'"),
         ({"seed": -1}, "seed must be a whole number"),
         ({"policy": "a\nb"}, "policy must be one line of text"),
+        ({"environment": "simple"}, "environment must be a Spec, not 'simple'"),
+        ({"names": None}, "names must be a tuple of texts, not None"),
+        ({"names": "ab"}, "names must be a tuple of texts, not 'ab'"),
+        ({"made_with": {"n": 1}}, "'made_with.n' must be one line of text, not 1"),
+        ({"made_with": None}, "made_with must map names to texts, not None"),
     ],
 )
 def test_wrong_parts_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         results(**changes)
+
+
+def test_numbers_of_numpy_can_be_saved(tmp_path: Path) -> None:
+    given: Any = np.int64(3)
+    results(seed=given).save(tmp_path / "r.json")
+    (found,) = read_results(tmp_path / "r.json")
+    assert (found.seed, found.in_game) == (3, False)
+
+
+@pytest.mark.parametrize("wrong", [[], None, "r"])
+def test_only_lists_of_results_are_written(wrong: Any, tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="results must be a list of at least one Results, not"):
+        write_results(tmp_path / "r.json", wrong)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_setting_that_json_cannot_hold_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -58,11 +59,12 @@ def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None)
     """Read files of results, and combine those that belong to one policy.
 
     Results with the same label and the same way of choosing actions belong to one policy. Several
-    results on one task are combined as its runs.
+    results on one task are combined as its runs. Results in ViZDoom are another policy.
 
     Args:
         files: each with a label, or None to use the policy names in the file.
-        actions: "greedy" or "sampled" to keep only results with these actions; None keeps all.
+        actions: "greedy" or "sampled" to keep only results with these actions, and those of
+            policies without such a choice; None keeps all.
 
     Raises:
         SettingError: a file cannot be read; a task has different versions, settings or params in
@@ -70,7 +72,7 @@ def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None)
             task; nothing is left.
     """
     entries = [
-        _Entry(path, label or results.policy, results)
+        _Entry(path, _label(label, results), results)
         for label, path in files
         for results in read_results(path)
         if actions is None or results.actions in (actions, None)
@@ -89,13 +91,22 @@ def gather(files: Iterable[tuple[str | None, Path]], actions: str | None = None)
     }
 
 
+def _label(label: str | None, results: Results) -> str:
+    """The name of a policy; a label replaces it, but still says that it played in ViZDoom."""
+    if label is None:
+        return results.policy
+    return f"{label} in ViZDoom" if results.in_game else label
+
+
 def _policies(entries: Sequence[_Entry]) -> list[str]:
     """The policy of each entry: its label, with the kind of actions if the label has both."""
     ways: dict[str, set[str | None]] = {}
     for entry in entries:
         ways.setdefault(entry.label, set()).add(entry.results.actions)
     return [
-        entry.label if len(ways[entry.label]) == 1 else f"{entry.label}, {entry.results.actions}"
+        entry.label
+        if len(ways[entry.label]) == 1
+        else f"{entry.label}, {entry.results.actions or 'own actions'}"
         for entry in entries
     ]
 
@@ -120,13 +131,30 @@ def difference(one: Spec, other: Spec) -> tuple[str, Any, Any] | None:
         return None
     for what in ("settings", "params"):
         mine, its = getattr(one, what), getattr(other, what)
-        for name in {**mine, **its}:
-            here, there = (
-                _shown(given[name]) if name in given else "the default" for given in (mine, its)
-            )
-            if here != there:
-                return f"the {what.removesuffix('s')} {quoted(name)}", here, there
-    return "the kind", one.id, other.id
+        for name, value in {**mine, **its}.items():
+            of_name = f"the {what.removesuffix('s')} {quoted(name)}"
+            if name in mine and name in its:
+                if mine[name] != its[name]:
+                    return _part_of(of_name, mine[name], its[name])
+                continue
+            lacking = other if name in mine else one
+            filled = {**getattr(lacking, what), name: value}
+            if not _same(lacking, dataclasses.replace(lacking, **{what: filled})):
+                here, there = (
+                    quoted(given[name]) if name in given else "the default" for given in (mine, its)
+                )
+                return of_name, here, there
+    return "the id", one.id, other.id
+
+
+def _part_of(name: str, one: Any, other: Any) -> tuple[str, str, str]:
+    """Two values that differ, with their name; of long texts, the first line that differs."""
+    if isinstance(one, str) and isinstance(other, str):
+        pairs = itertools.zip_longest(one.splitlines(), other.splitlines(), fillvalue="")
+        for number, (here, there) in enumerate(pairs):
+            if here != there and (number or "\n" in one + other):
+                return f"line {number + 1} of {name}", quoted(here), quoted(there)
+    return name, quoted(one), quoted(other)
 
 
 def _same(one: Spec, other: Spec) -> bool:
@@ -147,11 +175,6 @@ def _with_numbers(env: AnyEnvironment, params: Any) -> tuple[AnyEnvironment, dic
     return env, numbers
 
 
-def _shown(value: Any) -> str:
-    shown = repr(value)
-    return shown if len(shown) <= 40 else f"{shown[:37]}..."
-
-
 def _check_tasks(groups: Mapping[str, Mapping[str, list[_Entry]]]) -> None:
     """Raise unless all policies have all tasks."""
     for policy, mine in groups.items():
@@ -169,7 +192,7 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
     first, *others = entries
     for entry in others:
         for what in ("episodes", "seed"):
-            here, there = (_number(one.results, what) for one in (first, entry))
+            here, there = (getattr(one.results, what) for one in (first, entry))
             if here != there:
                 raise SettingError(
                     f"{policy} on {first.task}: {what} {here} in {first.path} and {there} in "
@@ -181,7 +204,7 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
             if name in seen:
                 raise SettingError(
                     f"{policy} on {first.task}: the run {quoted(name)} is both in {seen[name]} and "
-                    f"in {entry.path}; use --label NAME FILES to separate policies"
+                    f"in {entry.path}; if these are two policies, give each its own --label"
                 )
             seen[name] = entry.path
     arrays = {
@@ -189,10 +212,6 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
         for name in ("returns", "lengths", "successes")
     }
     return dataclasses.replace(first.results, policy=policy, names=tuple(seen), **arrays)
-
-
-def _number(results: Results, what: str) -> int:
-    return results.returns.shape[1] if what == "episodes" else results.seed
 
 
 def read_reference(path: str | Path) -> dict[str, Reference]:

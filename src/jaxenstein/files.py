@@ -156,6 +156,11 @@ def check_writable(path: str | Path) -> None:
         raise OutputError(path, f"no permission to write in {folder}")
 
 
+def name_of(path: str | Path) -> str:
+    """The name of a file or folder, also of "." and ".."."""
+    return os.path.basename(os.path.abspath(path))
+
+
 def make_folder(path: str | Path) -> Path:
     """Create a folder and its parents if they are missing.
 

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-# Resamples of a bootstrap, and the confidence level of an interval.
-RESAMPLES, LEVEL = 2000, 0.95
+# Resamples of a bootstrap, and the quantiles at the ends of a 95 % interval.
+RESAMPLES, ENDS = 2000, (0.025, 0.975)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,5 +39,5 @@ def mean_interval(values: np.ndarray, *, seed: int = 0) -> Interval:
     for number in range(RESAMPLES):
         chosen = rng.integers(runs, size=(runs, 1))
         means[number] = values[chosen, rng.integers(samples, size=(1, samples))].mean()
-    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    low, high = np.quantile(means, ENDS)
     return Interval(float(values.mean()), float(low), float(high))

@@ -26,6 +26,8 @@ from .spec import Spec
 
 FORMAT, VERSION = "jaxenstein-results", 1
 ACTIONS = ("greedy", "sampled", None)
+# The entry of `made_with` for episodes in ViZDoom.
+GAME = "vizdoom"
 # The most bytes in a file: some millions of episodes.
 LARGEST = 2**26
 # The entries of a run, the matching attributes of `Results`, and the types of their values.
@@ -50,8 +52,8 @@ class Results:
         returns: float64[runs, episodes], undiscounted.
         lengths: int32[runs, episodes], steps, at least 1.
         successes: bool[runs, episodes], whether the aim of the task was reached.
-        made_with: versions of this package, JAX, numpy and Python, and the hardware; by
-            default those of this process.
+        made_with: versions of this package, JAX, numpy, Python and, for episodes in ViZDoom,
+            `vizdoom`, and the hardware; by default those of this process.
 
     Raises:
         SettingError: an attribute has the wrong type or shape, or a return is not finite.
@@ -69,13 +71,23 @@ class Results:
 
     def __post_init__(self) -> None:
         """Check all attributes, and convert arrays to their dtypes."""
+        if not isinstance(self.environment, Spec):
+            raise SettingError(f"environment must be a Spec, not {quoted(self.environment)}")
         check_text("policy", self.policy)
         if self.actions not in ACTIONS:
             shown = quoted(self.actions)
             raise SettingError(f"actions must be 'greedy', 'sampled' or None, not {shown}")
-        check_whole("seed", self.seed, 0, 2**32 - 1)
+        object.__setattr__(self, "seed", check_whole("seed", self.seed, 0, 2**32 - 1))
+        if not isinstance(self.names, Sequence) or isinstance(self.names, str):
+            raise SettingError(f"names must be a tuple of texts, not {quoted(self.names)}")
         for name in self.names:
             check_text("the name of a run", name)
+        object.__setattr__(self, "names", tuple(self.names))
+        if not isinstance(self.made_with, Mapping):
+            raise SettingError(f"made_with must map names to texts, not {quoted(self.made_with)}")
+        for name, value in self.made_with.items():
+            check_text("a name in made_with", name)
+            check_text(f"'made_with.{name}'", value)
         if len(set(self.names)) != len(self.names):
             raise SettingError(f"two runs have the same name: {', '.join(self.names)}")
         arrays = {
@@ -106,6 +118,11 @@ class Results:
     def episodes(self) -> int:
         """The number of episodes of each run."""
         return int(self.returns.shape[1])
+
+    @property
+    def in_game(self) -> bool:
+        """Whether the episodes were played in ViZDoom; `made_with` then has its version."""
+        return GAME in self.made_with
 
     @property
     def best(self) -> int:
@@ -153,10 +170,13 @@ def write_results(path: str | Path, results: Sequence[Results]) -> None:
     """Write evaluations to one file, atomically.
 
     Raises:
-        SettingError: a setting of an environment has no JSON form, or the file would be larger
-            than `read_results` accepts.
+        SettingError: there are no results, a setting of an environment has no JSON form, or the
+            file would be larger than `read_results` accepts.
         OutputError: the file cannot be written.
     """
+    listed = isinstance(results, Sequence) and all(isinstance(one, Results) for one in results)
+    if not (listed and results):
+        raise SettingError(f"results must be a list of at least one Results, not {quoted(results)}")
     dense = {"allow_nan": False, "separators": (",", ":")}
     entries = ",\n".join(json.dumps(one.to_json(), **dense) for one in results)
     head = f'"format": "{FORMAT}",\n"version": {VERSION},\n'
@@ -224,9 +244,6 @@ def _read(path: str | Path, index: int, entry: Any) -> Results:
         _only(_object("the entry", entry), names)
         check_whole("'episodes'", entry["episodes"], 1)
         runs = _object("'runs'", entry["runs"])
-        made_with = _object("'made_with'", entry["made_with"])
-        for name, value in made_with.items():
-            check_text(f"'made_with.{name}'", value)
         for name, run in runs.items():
             _only(_object(f"'runs.{name}'", run), tuple(PARTS), f"runs.{name}.")
         arrays = {
@@ -245,7 +262,7 @@ def _read(path: str | Path, index: int, entry: Any) -> Results:
             actions=entry["actions"],
             seed=entry["seed"],
             names=tuple(runs),
-            made_with=made_with,
+            made_with=entry["made_with"],
             **arrays,
         )
     except (JAXensteinError, OverflowError, RecursionError) as error:

@@ -23,11 +23,10 @@ import numpy as np
 
 from .errors import SettingError
 from .fields import Domain, check_value, check_whole
-from .intervals import LEVEL
+from .intervals import ENDS
 
 # With this many, the ends of an interval vary with the seed by about a hundredth of its length.
 RESAMPLES = 10_000
-ENDS = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
 # The most numbers in an array of resamples.
 BLOCK = 2**20
 

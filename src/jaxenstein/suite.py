@@ -244,8 +244,8 @@ def check_compared(compared: Compared, suite: str) -> Compared:
         suite: "small" or "large".
 
     Raises:
-        SettingError: a task is missing, does not belong to the benchmark, or has another version,
-            setting or param.
+        SettingError: a task is missing, does not belong to the benchmark, was played in ViZDoom,
+            or has another version, setting or param.
     """
     chosen = suite_of(suite)
     ordered: Compared = {}
@@ -256,6 +256,11 @@ def check_compared(compared: Compared, suite: str) -> Compared:
                 "tasks; to score some of them, give --reference FILE"
             )
         for id, results in mine.items():
+            if results.in_game:
+                raise SettingError(
+                    f"{policy} on {id}: these episodes were played in ViZDoom; a benchmark score "
+                    "needs episodes in this package's environment"
+                )
             spec = chosen.spec(task_of(id), test=True)
             if fault := difference(spec, results.environment):
                 raise SettingError(

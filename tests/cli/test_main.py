@@ -145,6 +145,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["replay", "no/such.json"], "no/such.json: cannot be read"),
         (["replay"], "FILE"),
         (["record", "simple", "--out", "a.gif", "--sheet", "a.jpg"], ".png"),
+        (["record", "simple", "--out", "a.png", "--sheet", "b.png"], "as --sheet does; give one"),
         (["record", "simple", "--out", "a.gif", "--actions", "2,fly"], "'fly'"),
         (["record", "simple", "--out", "a.gif", "--actions", "2,7"], "'7'"),
         (["record", "simple", "--out", "a.gif", "--actions", "2*x"], "2*x"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import re
@@ -115,6 +116,10 @@ def test_baselines_stand_beside_the_own_agent(
     out = tmp_path / "scores.json"
     assert main(["score", str(mine), "--suite", "--baselines", "--json", str(out)]) == 0
     report, shown = json.loads(out.read_text()), capsys.readouterr().out
+    assert shown.startswith("small suite, version 1\n")
+    assert (report["suite"], report["suite_version"]) == ("small", 1)
+    assert report["resamples"] == {"returns": 20, "scores": 10_000}
+    assert report["policies"]["mine"]["tasks"]["simple"]["actions"] == "sampled"
     assert [*report["policies"]] == ["mine", "PPO (baseline)", "RND (baseline)"]
     for name, chance in report["probability_of_improvement"].items():
         assert f"\nprobability that mine scores higher than {name}: {chance['value']:.3f}" in shown
@@ -134,11 +139,14 @@ def test_baselines_of_another_size_are_not_mixed(
 ) -> None:
     monkeypatch.setattr(suite, "BASELINES", tmp_path)
     write_all(make_folder(tmp_path / "small-1"), {"ppo.json": suite_results()})
-    small, large = write_all(
-        tmp_path, {"s.json": suite_results(), "l.json": suite_results("large")}
+    in_game = [dataclasses.replace(one, made_with={"vizdoom": "1.3"}) for one in suite_results()]
+    small, large, game = write_all(
+        tmp_path, {"s.json": suite_results(), "l.json": suite_results("large"), "g.json": in_game}
     )
     for words, told in (
         ([str(small), "--baselines"], "--baselines needs --suite"),
+        ([str(small), "--baselines", "--suite", "--actions", "greedy"], "leave out --actions gree"),
+        ([str(game), "--suite"], ": these episodes were played in ViZDoom; a benchmark"),
         ([str(large), "--baselines", "--suite"], "'height' is 64, but must be 16 in the small"),
         ([str(large), "--baselines", "--suite", "large"], "the large suite has no baselines"),
         (

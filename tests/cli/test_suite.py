@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from jaxenstein.results import read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-# 1 / 16,000 of the decisions is 187.
+# 1 / 16,000 of the decisions is 187.5.
 SHORT_TRAINING = [
     "--budget",
     "0.0000625",
@@ -50,7 +51,9 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0
 
-    assert main(["evaluate", "rnd", "--suite", "--episodes", "2", "--json", "rnd.json"]) == 0
+    # The agents have the name of the folder.
+    with contextlib.chdir("rnd"):
+        assert main(["evaluate", ".", "--suite", "--episodes", "2", "--json", "../rnd.json"]) == 0
     out, err = capsys.readouterr()
     assert "fewer than the benchmark's 3,000,000 decisions: t-maze, simple\n" in err
     shown = [line.split() for line in out.splitlines()]
@@ -73,7 +76,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(other) == 0
     assert main(["score", "rnd.json", "expert.json", "--suite", "--json", "scores.json"]) == 0
     scored = json.loads(Path("scores.json").read_text())
-    assert "expert" in json.dumps(scored)
+    assert [*scored["policies"]] == ["rnd", "expert"]
     shown = capsys.readouterr().out
     assert "IQM" in shown
     for policy, runs in (("rnd", 2), ("expert", 1)):
@@ -91,6 +94,7 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--frame-skip", "2"], "--suite fixes --frame-skip; leave it out"),
         (["--env", "simple"], "--suite fixes --env; leave it out"),
+        (["--set", "look=plain"], "--suite fixes --set; leave it out"),
         (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X"),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
@@ -111,6 +115,7 @@ def test_evaluate_refuses_conflicting_arguments(
     for words, told in (
         (["evaluate", "none", "--suite"], "no run"),
         (["evaluate", "none", "--suite", "--env", "simple"], "--suite fixes --env"),
+        (["evaluate", "none", "--suite", "--param", "a=1"], "--suite fixes --param; leave it out"),
         (["evaluate", "none", "--suite", "--gif", "a.gif"], "--suite fixes --gif"),
         (["evaluate", "--policy", "exprt", "--suite"], "no player 'exprt', did you mean 'expert'"),
         (

@@ -103,8 +103,10 @@ def test_training_takes_the_flags_of_train(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(in_vizdoom, "GameSession", Dark)
     rows = tmp_path / "rows.jsonl"
     told = f"--env doom-basic {SIZES} --network tiny --seed 3"
-    in_vizdoom.main([*told.split(), "--minutes", "1e-6", "--out", str(rows)])
+    in_vizdoom.main([*told.split(), "--minutes", "1e-6", "--scale", "0.5", "--out", str(rows)])
     first, *_ = [json.loads(line) for line in rows.read_text().splitlines()]
+    # Action a of game k gives 10 k + a; rows have the game's own rewards.
+    assert first["return_sum"] >= 30
     assert (first["seed"], first["steps"], first["seconds"]) == (3, 8, 0)
     # The first game ends twice; the second, whose episodes have three steps, once.
     assert first["episodes"] == 3
@@ -136,7 +138,12 @@ def test_agents_are_tested_after_each_part(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.parametrize(
     ("wrong", "told"),
-    [("--gamma 2", "a finite number from 0 to 1, not 2.0"), ("--env doom-bassic", "doom-basic")],
+    [
+        ("--gamma 2", "a finite number from 0 to 1, not 2.0"),
+        ("--env doom-bassic", "doom-basic"),
+        ("--env simple", "ViZDoom has no scenario for 'simple'"),
+        ("--run new --clock cpu", "--run takes neither --minutes nor --clock nor --scale"),
+    ],
 )
 def test_wrong_flags_are_told_in_a_line(wrong: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match=told):

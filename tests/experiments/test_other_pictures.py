@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ pytest.importorskip("vizdoom")
 import jaxenstein
 from experiments import other_pictures
 from jaxenstein.adapters.vizdoom import GameSession
+from jaxenstein.baselines.runs.agents import evaluate_in_game
+from jaxenstein.baselines.runs.trained import load_trained
 
 AGENT = "pretrained/doom-my-way-home-pixels"
 
@@ -75,11 +78,21 @@ def test_clean_pictures_lack_only_what_flies_off_a_hit() -> None:
     assert 0.0001 < changed[fired:].max() < 0.02
 
 
-def test_ranges_of_params_do_not_matter_in_the_game(capsys: pytest.CaptureFixture[str]) -> None:
-    """The agents of Deadly Corridor trained with a damage that differs between episodes."""
-    agent = ["pretrained/doom-deadly-corridor-pixels", "--episodes", "1", "--see", "clean"]
-    assert other_pictures.main(agent) == 0
-    assert -120 < float(capsys.readouterr().out.split()[0]) < 2300
+def test_ranges_of_params_do_not_matter_in_the_game() -> None:
+    """The game has its own rules; so do results in the game."""
+    trained = load_trained("pretrained/doom-deadly-corridor-pixels")
+    about = trained.experiment
+    found = []
+    for other in ({}, {"damage_factor": (0.0, 2.0)}):
+        spec = dataclasses.replace(about.environment, params={"max_steps_in_episode": 40, **other})
+        ranged = dataclasses.replace(
+            trained, experiment=dataclasses.replace(about, environment=spec)
+        )
+        found.append(evaluate_in_game(ranged, episodes=1))
+        assert other_pictures.returns(ranged, "clean", 1, False).shape == (1, 1)
+    assert (found[0].returns == found[1].returns).all()
+    assert found[1].environment.params == {"max_steps_in_episode": 40}
+    assert found[1].in_game
 
 
 def test_errors_are_lines(capsys: pytest.CaptureFixture[str]) -> None:

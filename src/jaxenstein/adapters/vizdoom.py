@@ -64,8 +64,9 @@ class GameSession(Session):
     Observations come from the game's buffers. Depths are in tiles; they come from 8 bits, in steps
     of 7.1 map units. `labels` distinguishes floor, ceiling, walls and things. In maps with several
     textures, wall labels are looked up on the map, because no buffer has them. With
-    `look="game"` or `"random"`, colours are pixels of the game's screen, the ones that these looks
-    draw. Otherwise they are means of the game's pixels, where ours are means of whole textures.
+    `look="game"` or `"random"`, colours are the pixels of the game's screen that these looks
+    reproduce. Otherwise they are means of the game's pixels, where ours are means of whole
+    textures.
     """
 
     env: DoomScenario[Any, Any]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -82,8 +83,8 @@ class GameSession(Session):
         Args:
             env: an environment of the `doom-` family; its buttons, frame skip, image size, kind
                 of observation and WAD file also apply in the game.
-            params: its params; only `max_steps_in_episode` matters in the game. `seed` draws
-                numbers from ranges.
+            params: its params, which may be ranges; only `max_steps_in_episode` matters in the
+                game.
             seed: the seed of the first episode.
             prepare: a function that changes more settings of the `vizdoom.DoomGame` before it
                 starts.

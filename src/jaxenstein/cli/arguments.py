@@ -165,16 +165,20 @@ def add_options(
             _add_option(groups[option.group], option)
 
 
+def flag_of(name: str) -> str:
+    """The flag of an option."""
+    return TABLES[name][0] if name in TABLES else f"--{name.replace('_', '-')}"
+
+
 def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
-    flags = (f"--{option.name.replace('_', '-')}", *ALIASES.get(option.name, ()))
+    flags = (flag_of(option.name), *ALIASES.get(option.name, ()))
     common: dict[str, Any] = {
         "dest": f"{PREFIX}{option.name}",
         "default": argparse.SUPPRESS,
         "help": option.described.replace("%", "%%"),
     }
     if option.domain.form == "table":
-        flag, metavar = TABLES[option.name]
-        group.add_argument(flag, action="append", metavar=metavar, **common)
+        group.add_argument(*flags, action="append", metavar=TABLES[option.name][1], **common)
     elif option.domain.form == "switch":
         group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
     else:

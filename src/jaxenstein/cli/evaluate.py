@@ -26,6 +26,7 @@ from .arguments import (
     add_seed,
     add_suite,
     flag,
+    flag_of,
     real,
     whole,
 )
@@ -59,9 +60,10 @@ observations and actions, without further training. Agents that were trained on 
 play the same split; --set split=test plays the test levels. A diverged run plays with its last
 finite parameters, and a warning says so.
 
---in vizdoom also plays the same number of episodes in ViZDoom, without further training. --gif then
-shows one episode in both, from the same start. This needs the extra 'vizdoom' and agents trained in
-a doom- environment that is not a sparse variant.
+--in vizdoom also plays the same number of episodes in ViZDoom, without further training. Both then
+have the game's rewards and rules, whatever the params of training were. --gif then shows one
+episode in both, from the same start. This needs the extra 'vizdoom' and agents trained in a doom-
+environment that is not a sparse variant.
 
 --policy MODULE:FUNCTION plays with your own policy, in --env ID or on --map-file FILE.
 {CONVENTION}
@@ -129,7 +131,7 @@ def run(options: argparse.Namespace) -> None:
     env = evaluated.env
     with written_anyway(options.json, lambda path: _write(path, [*evaluated.results.values()])):
         print(evaluated.heading)
-        print(end=_split_of(env) + _ranges_of(evaluated.results))
+        print(end=_split_of(env) + _ranges_of(evaluated.results) + _ignored(evaluated.results))
         print(table(evaluated.results))
     if options.gif is not None:
         _film(evaluated.actor(), options)
@@ -147,7 +149,7 @@ def _check_policy(options: argparse.Namespace) -> None:
                 f"not {quoted(text)}; give a run directory without --policy"
             )
     if options.suite is not None:
-        given = [f"--{name.replace('_', '-')}" for name in given_options(options)]
+        given = [flag_of(name) for name in given_options(options)]
         given += ["--gif"] * (options.gif is not None) + ["--in"] * (options.game is not None)
         given += ["--greedy"] * options.greedy + ["--run"] * (options.number is not None)
         if given:
@@ -226,6 +228,8 @@ def _trained(options: argparse.Namespace) -> Evaluated:
         trained = agents.load_trained(options.folder)
         for run in range(len(trained.experiment.runs)):
             trained.warn(run)
+        if options.game is not None:
+            trained = agents.by_game_rules(trained)
         trained = _changed(trained, with_map(given_options(options)))
     env = trained.experiment.learner.env
     if options.game is not None:
@@ -286,6 +290,13 @@ def _ranges_of(results: dict[str, Results]) -> str:
     """A line for each param that episodes draw from a range; "" if there is none."""
     ranges = next(iter(results.values())).environment.ranges
     return "".join(f"{name} from {ends}, drawn for each episode\n" for name, ends in ranges.items())
+
+
+def _ignored(results: dict[str, Results]) -> str:
+    """A line that names the params that do not exist in ViZDoom; "" if it was not played."""
+    here, *others = (result.environment.params for result in results.values())
+    names = sorted({name for name in here if any(name not in other for other in others)})
+    return f"ViZDoom has its own rules and ignores {', '.join(names)}\n" if names else ""
 
 
 def table(results: dict[str, Results]) -> str:

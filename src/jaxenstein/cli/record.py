@@ -204,7 +204,11 @@ def open_for(
 
 def check_pictures(options: argparse.Namespace) -> None:
     """Raise before the episode is played if the pictures cannot be written."""
-    if options.out is not None and options.out.suffix.lower() == ".png" and not options.sheet:
+    if options.out is not None and options.out.suffix.lower() == ".png":
+        if options.sheet is not None:
+            raise UsageError(
+                f"jaxenstein: --out {options.out} writes a contact sheet, as --sheet does; give one"
+            )
         options.out, options.sheet = None, options.out
     if options.out is not None:
         if options.out.suffix.lower() not in ANIMATIONS:

@@ -107,6 +107,10 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError("jaxenstein score: give either --suite or --reference FILE")
     if options.baselines and options.suite is None:
         raise UsageError("jaxenstein score: --baselines needs --suite")
+    if options.baselines and options.actions == "greedy":
+        raise UsageError(
+            "jaxenstein score: --baselines has only sampled actions; leave out --actions greedy"
+        )
     files = _files(options)
     if options.json is not None:
         check_writable(options.json)
@@ -126,10 +130,13 @@ def run(options: argparse.Namespace) -> None:
     chances = _chances(compared, options.seed)
 
     def write(path: Path) -> None:
-        write_json(path, _report(compared, summary, chances, options.seed))
+        report = _report(compared, summary, chances, options.seed)
+        if options.suite is not None:
+            report |= {"suite": options.suite, "suite_version": suite.VERSION}
+        write_json(path, report)
 
     with written_anyway(options.json, write):
-        _print(compared, summary, chances, options.seed, options.suite is not None)
+        _print(compared, summary, chances, options.seed, options.suite)
     if options.plot is not None and summary is not None:
         figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
         baselines("curves").save_figure(figure, [options.plot])
@@ -150,11 +157,13 @@ def _print(
     summary: Summary | None,
     chances: Mapping[str, Estimate],
     seed: int,
-    of_suite: bool,
+    of_suite: str | None,
 ) -> None:
     """Print the tables."""
+    if of_suite is not None:
+        print(f"{of_suite} suite, version {suite.VERSION}")
     print(table_of_tasks(compared, summary, seed))
-    print(end=_notes(compared, of_suite))
+    print(end=_notes(compared, of_suite is not None))
     if summary is not None:
         print(f"\n{table_of_aggregates(summary)}")
     if chances:
@@ -266,19 +275,25 @@ def _report(
     compared: Compared, summary: Summary | None, chances: Mapping[str, Estimate], seed: int
 ) -> dict[str, Any]:
     """The numbers as plain JSON values."""
-    from ..intervals import mean_interval
-    from ..scores import RESAMPLES
+    from .. import intervals, scores
 
-    report: dict[str, Any] = {"seed": seed, "resamples": RESAMPLES, "policies": {}}
+    resamples = {"returns": intervals.RESAMPLES, "scores": scores.RESAMPLES}
+    report: dict[str, Any] = {"seed": seed, "resamples": resamples, "policies": {}}
     for policy, mine in compared.items():
         tasks: dict[str, Any] = {}
         for number, (task, results) in enumerate(mine.items()):
             tasks[task] = {
                 "version": results.environment.version,
                 "runs": list(results.names),
-                "episodes": int(results.returns.shape[1]),
-                "return": dataclasses.asdict(mean_interval(results.returns, seed=seed)),
-                "success": dataclasses.asdict(mean_interval(results.successes, seed=seed)),
+                "episodes": results.episodes,
+                "actions": results.actions,
+                **{
+                    name: dataclasses.asdict(intervals.mean_interval(values, seed=seed))
+                    for name, values in (
+                        ("return", results.returns),
+                        ("success", results.successes),
+                    )
+                },
             }
             if summary is not None:
                 tasks[task]["scores"] = summary.scores[policy][number].tolist()

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from .. import suite
 from ..errors import SettingError
+from ..files import name_of
 from ..intervals import mean_interval
 from ..progress import Progress
 from ..scores import normalised
-from .arguments import UsageError
+from .arguments import UsageError, flag_of
 from .listing import format_table
 from .opening import baselines, printing_warnings
 from .own_policy import is_own, load_own
@@ -42,7 +43,7 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
     chosen = suite.suite_of(name)
     fixed = {*environment_options(), *PLACES, "total_steps"} & {*given}
     if fixed:
-        flags = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(fixed))
+        flags = ", ".join(map(flag_of, sorted(fixed)))
         raise UsageError(
             f"jaxenstein train: --suite fixes {flags}; leave it out"
             + ("; --budget X multiplies the decisions" * ("total_steps" in fixed))
@@ -127,7 +128,7 @@ def trained_on(task: suite.Task, folder: Path, chosen: suite.Suite) -> Trained:
             f"{path}: {fault[0]} is {fault[2]}, but {fault[1]} in the {chosen.name} suite"
         )
     tested = dataclasses.replace(about, environment=chosen.spec(task, test=True))
-    return dataclasses.replace(trained, experiment=tested, name=folder.name)
+    return dataclasses.replace(trained, experiment=tested, name=name_of(folder))
 
 
 def _runs(folder: Path, chosen: suite.Suite) -> Play:

@@ -23,6 +23,7 @@ from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.options import resolve
 from jaxenstein.baselines.runs.trained import load_trained, score_of
 from jaxenstein.cli import main
+from jaxenstein.comparison import gather
 from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
@@ -295,3 +296,23 @@ def test_error_names_module_of_imported_environment(
     told = capsys.readouterr().err
     assert "the module of the environment 'my_module:my-task' has not been imported" in told
     assert "--import my_module" in told
+
+
+def test_here_and_in_vizdoom_the_rules_are_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The agent trained with a hundredth of the rewards and a penalty for its death."""
+    pytest.importorskip("vizdoom")
+    file = tmp_path / "both.json"
+    told = ["evaluate", "pretrained/doom-health-gathering", "--in", "vizdoom", "--episodes", "1"]
+    told += ["--param", "max_steps_in_episode=48", "--json", str(file)]
+    assert main(told) == 0
+    assert "ignores" not in capsys.readouterr().out
+    results = read_results(file)
+    assert [one.in_game for one in results] == [False, False, True, True]
+    assert [one.returns.tolist() for one in results] == [[[48]]] * 4
+    assert all(one.environment.params == {"max_steps_in_episode": 48} for one in results)
+    policies = ["doom-health-gathering", "doom-health-gathering in ViZDoom"]
+    assert [*gather([(None, file)], "greedy")] == policies
+    assert main([*told, "--param", "living_reward=2"]) == 0
+    assert "ViZDoom has its own rules and ignores living_reward\n" in capsys.readouterr().out

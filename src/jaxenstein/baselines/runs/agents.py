@@ -16,7 +16,7 @@ from ...evaluation import episodes_done
 from ...fields import is_whole
 from ...files import check_writable
 from ...params import split_ranges
-from ...results import Results
+from ...results import GAME, Results
 from ..divergence import METRIC
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
@@ -213,13 +213,15 @@ def evaluate_in_game(
     greedy: bool = False,
     notify: Callable[[int], object] = lambda done: None,
 ) -> Results:
-    """Like `evaluate`, but play the scenario of the environment in ViZDoom.
+    """Like `evaluate`, but play the scenario of the environment in ViZDoom, by the game's rules.
 
     Raises:
         SettingError: ViZDoom does not have the scenario.
     """
     from ...adapters.vizdoom import play_game
+    from ...adapters.vizdoom_buffers import load_vizdoom
 
+    trained = by_game_rules(trained)
     policies = [TrainedPolicy(trained, run, greedy) for run in range(len(trained.experiment.runs))]
     games = [
         play_game(
@@ -236,7 +238,19 @@ def evaluate_in_game(
         np.stack([getattr(game, name) for game in games])
         for name in ("returns", "lengths", "successes")
     )
-    return _results(trained, f"{trained.name} in ViZDoom", greedy, seed, *arrays)
+    results = _results(trained, f"{trained.name} in ViZDoom", greedy, seed, *arrays)
+    version = str(getattr(load_vizdoom(), "__version__", "unknown"))
+    return dataclasses.replace(results, made_with={**results.made_with, GAME: version})
+
+
+def by_game_rules(trained: Trained) -> Trained:
+    """The same networks with the rewards and rules of the game, and their own time limit."""
+    spec = trained.experiment.environment
+    kept = {name: value for name, value in spec.params.items() if name == "max_steps_in_episode"}
+    about = dataclasses.replace(
+        trained.experiment, environment=dataclasses.replace(spec, params=kept)
+    )
+    return dataclasses.replace(trained, experiment=about)
 
 
 def _results(trained: Trained, name: str, greedy: bool, seed: int, *arrays: np.ndarray) -> Results:

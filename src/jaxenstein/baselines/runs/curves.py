@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import SettingError, nearest, one_line, quoted
-from ...files import atomic, check_writable
-from ...intervals import LEVEL, RESAMPLES
+from ...files import atomic, check_writable, name_of
+from ...intervals import ENDS, RESAMPLES
 from ..divergence import METRIC
 from .experiment import exact
 from .folder import CONFIG, RunFolder
@@ -49,7 +49,7 @@ def band(curves: np.ndarray, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray, 
     ends = np.full((2, curves.shape[1]), np.nan)
     for point in np.flatnonzero(there.any(0)):
         found = means[:, point]
-        ends[:, point] = np.quantile(found[~np.isnan(found)], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+        ends[:, point] = np.quantile(found[~np.isnan(found)], ENDS)
     return mean, ends[0], ends[1]
 
 
@@ -133,7 +133,7 @@ def _curves_of_run(folder: RunFolder, names: Sequence[str], points: int, over: O
 
 
 def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> str:
-    name = path.name or path.absolute().name
+    name = name_of(path)
     return ", ".join([name, *(f"{number} {exact(run[number])}" for number in grid)])
 
 
@@ -164,7 +164,7 @@ def _pooled_runs(
 
 
 def _ends(at: Sequence[np.ndarray], points: int) -> np.ndarray:
-    """The last position of each point, float64[points]; as many points as leave no run a gap."""
+    """The last position of each point, float64[<= points]; every run has rows for every point."""
     places = np.unique(np.concatenate(at))
     for count in range(min(points, len(places)), 1, -1):
         ends = np.array([part[-1] for part in np.array_split(places, count)])

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 
-from ...errors import SettingError, quoted
+from ...errors import SettingError, quoted, shortened
 from ...fields import as_tuples, check, check_whole, choice, is_whole
 from ...spec import Spec
 from ..config import Config, HParams
@@ -127,8 +127,12 @@ class Experiment:
     def differences(self, other: Experiment) -> list[str]:
         """The fields in which two experiments differ, each with both values."""
         mine, its = _flat(self.to_json()), _flat(other.to_json())
+
+        def shown(value: Any) -> str:
+            return shortened(json.dumps(value), 60)
+
         return [
-            f"{name} ({_shortened(mine.get(name))}, not {_shortened(its.get(name))})"
+            f"{name} ({shown(mine.get(name))}, not {shown(its.get(name))})"
             for name in sorted({*mine, *its})
             if mine.get(name, ...) != its.get(name, ...)
         ]
@@ -153,11 +157,6 @@ def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
     for name, value in tree.items():
         found |= _flat(value, f"{prefix}.{name}" if prefix else name)
     return found
-
-
-def _shortened(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def exact(value: float | int) -> str:

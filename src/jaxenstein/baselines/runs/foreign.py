@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import SettingError, nearest, one_line
-from ...files import read_text, reason_of
+from ...files import name_of, read_text, reason_of
 from .metrics import EPISODE_MEANS, LONGEST, METRICS, Row, is_finite_number
 
 Over = Literal["decisions", "minutes"]
@@ -87,7 +87,7 @@ def read_foreign(
             of_seed.append((row[place] * scale, _numbers(row, metric)))
     if not by_seed:
         raise SettingError(f"no line of {file} has both {metric!r} and {place!r}")
-    name = file.absolute().parent.name if file.name == METRICS else file.stem
+    name = name_of(file.parent) if file.name == METRICS else file.stem
     return _foreign(name, metric, by_seed.values())
 
 
@@ -163,7 +163,7 @@ def _read_events(path: Path, metrics: Sequence[str], over: Over) -> Foreign:
         ]
         if entries:
             found.append(entries)
-    return _foreign(path.name or path.absolute().name, metric, found)
+    return _foreign(name_of(path), metric, found)
 
 
 def _scalars(folder: Path) -> dict[str, list[tuple[float, int, float]]]:

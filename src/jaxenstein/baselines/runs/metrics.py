@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...errors import SettingError, quoted
-from ...files import append, atomic, read_text, reason_of, writing
+from ...files import append, atomic, name_of, read_text, reason_of, writing
 from ..divergence import METRIC, Divergence
 
 METRICS, TIMING, WANDB_ID = "metrics.jsonl", "timing.jsonl", "wandb-id.txt"
@@ -269,11 +269,11 @@ class WeightsAndBiases:
         kept = folder / WANDB_ID
         if not os.path.exists(kept):
             with atomic(kept) as temporary:
-                temporary.write_text(f"{folder.absolute().name}-{uuid.uuid4().hex[:8]}\n", "utf-8")
+                temporary.write_text(f"{name_of(folder)}-{uuid.uuid4().hex[:8]}\n", "utf-8")
         self._run: Any = wandb.init(
             project=project,
             id=kept.read_text("utf-8").strip(),
-            name=folder.absolute().name,
+            name=name_of(folder),
             dir=str(folder),
             config=config,
             resume="allow",

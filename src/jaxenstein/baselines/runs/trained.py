@@ -21,7 +21,7 @@ import numpy as np
 
 from ...errors import DivergenceWarning, JAXensteinError, SettingError, nearest, quoted
 from ...fields import check_whole
-from ...files import atomic
+from ...files import atomic, name_of
 from ...intervals import mean_interval
 from ...results import Results
 from ..divergence import Divergence
@@ -132,7 +132,7 @@ def trained_in(folder: RunFolder) -> Trained:
         SettingError: there is no checkpoint, or none can be read.
     """
     update, params, diverged = folder.networks()
-    return Trained(folder.path.name, folder.experiment, params, update, folder, diverged)
+    return Trained(name_of(folder.path), folder.experiment, params, update, folder, diverged)
 
 
 def pretrained() -> dict[str, Path]:
