@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import jaxenstein
-from docs.page_parts import HERE, PIXELS, table
+from docs.page_parts import HERE, PIXELS, four_digits, table
 from fidelity.doom_palette import ORDERS, exchanged
 from jaxenstein.baselines.runs.agents import (
     WAYS,
+    by_game_rules,
     chosen_run,
     evaluate,
     evaluate_in_game,
@@ -33,9 +34,10 @@ from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_f
 from jaxenstein.baselines.runs.experiment import Experiment
 from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.options import given_by, read_file, resolve
-from jaxenstein.baselines.runs.trained import HERE as AGENTS
+from jaxenstein.baselines.runs.trained import HERE as PACKAGED
 from jaxenstein.baselines.runs.trained import SUFFIX, Trained, load_trained
 from jaxenstein.catalogue import ENTRIES
+from jaxenstein.cli.arguments import flag_of
 from jaxenstein.evaluation import evaluate_player
 from jaxenstein.files import atomic
 from jaxenstein.intervals import mean_interval
@@ -55,15 +57,15 @@ IMAGES = HERE / "images" / "results"
 PICTURE, TRAINERS = (IMAGES / f"doom-{name}.png" for name in ("pixels", "trainers"))
 HERE_TOO, GAME, OTHER = "here", "in ViZDoom", "in ViZDoom, other palette"
 LOOKS = ("plain", "random", "game")
-# The look of the agents in the first table and in the figure.
+# The look of the agents that `add` takes.
 SHOWN = "game"
 POINTS, COLUMNS = 50, 3
 # The parts of a training in the game, each with the mean of its episodes.
 PARTS = 12
-# The scripted players beside the agents, their episodes, and the sides of frames nobody looks at.
+# The scripted players, their episodes, and the height and width of frames that are not used.
 PLAYERS, PLAYED, SMALL = ("random", "expert"), 1000, 4
-# What tells the rows of each part of the file apart.
-KEYS = {"agents": ("id", "look"), "looks": ("id", "look"), "trainers": ("id", "trainer")}
+# The entries that identify a row, for each part of the file.
+KEYS = {"agents": ("id",), "looks": ("id", "look"), "trainers": ("id", "trainer")}
 Row = dict[str, Any]
 
 
@@ -77,6 +79,8 @@ def add(run: Path, episodes: int) -> None:
         episodes: the number of episodes for each seed, way of acting, and place.
     """
     trained, row = _opened(run)
+    if row["look"] != SHOWN:
+        raise SystemExit(f"{run}: its agents see the look {row['look']}, not {SHOWN}")
     row |= {
         "players": players_of(row),
         "minutes": round(float(read_seconds(run, trained.update)[-1]) / 60, 1),
@@ -85,7 +89,7 @@ def add(run: Path, episodes: int) -> None:
     }
     _store("agents", row)
     best = rounded(trained, chosen_run(trained, None), "float16")
-    write_with_score(AGENTS / f"{row['id']}{PIXELS}{SUFFIX}", best, "float16")
+    write_with_score(PACKAGED / f"{row['id']}{PIXELS}{SUFFIX}", best, "float16")
 
 
 def add_looks(run: Path, episodes: int) -> None:
@@ -133,7 +137,7 @@ def _in_parts(rows: Sequence[Row], total: str, ends: np.ndarray) -> list[float |
     np.add.at(sums, part, [row[total] for row in rows])
     np.add.at(counts, part, [row["episodes"] for row in rows])
     with np.errstate(invalid="ignore"):
-        return [_short(value) for value in sums / counts]
+        return [four_digits(value) for value in sums / counts]
 
 
 def _opened(run: Path) -> tuple[Trained, Row]:
@@ -141,6 +145,8 @@ def _opened(run: Path) -> tuple[Trained, Row]:
     trained = load_trained(run)
     spec = trained.experiment.environment
     env: Any = trained.experiment.learner.env
+    if trained.update < trained.experiment.config.updates or trained.experiment.grid:
+        raise SystemExit(f"{run}: the training is not complete, or has a grid")
     if not isinstance(env, DoomScenario) or env.scenario is None or env.observation != "rgb":
         raise SystemExit(f"{run}: its agents must see colours (rgb) in a scenario of ViZDoom")
     row = {
@@ -152,9 +158,7 @@ def _opened(run: Path) -> tuple[Trained, Row]:
         "seeds": len(trained.experiment.runs),
         "flags": flags_of(trained.experiment),
     }
-    kept = "max_steps_in_episode"
-    own = {name: value for name, value in spec.params.items() if name == kept}
-    return _in(trained, dataclasses.replace(spec, params=own)), row
+    return by_game_rules(trained), row
 
 
 def flags_of(about: Experiment) -> str:
@@ -162,20 +166,34 @@ def flags_of(about: Experiment) -> str:
     own = given_by(about)
     # No WAD file is needed for the plain look.
     usual = resolve({**read_file(find_config("doom-pixels")), "env": own["env"], "look": "plain"})
-    same = {**given_by(usual), **{name: own.get(name) for name in ("look", "params")}}
-    flags = [
-        f"--{name.replace('_', '-')}" + f" {_told(value)}" * (value is not True)
-        for name, value in own.items()
+    same = {**given_by(usual), "look": own.get("look")}
+    params = own.pop("params", {})
+    return " ".join(
+        flag
+        for name, value in {**own, "params": params}.items()
         if value != same.get(name)
-    ]
-    params = own.get("params", {}).items()
-    return " ".join([*flags, *(f"--param {name}={_told(value)}" for name, value in params)])
+        for flag in _flags(name, value)
+    )
 
 
-def _told(value: Any) -> str:
-    """A value as a flag takes it; two numbers are the ends of a range."""
-    ends = value if isinstance(value, tuple) else (value,)
-    return ":".join(f"{end:.9g}" if isinstance(end, float) else f"{end}" for end in ends)
+def _flags(name: str, value: Any) -> list[str]:
+    """The flags that give an option its value."""
+    flag = flag_of(name)
+    if isinstance(value, Mapping):
+        between = ":" if name == "params" else ","
+        return [f"{flag} {key}={_told(of, between)}" for key, of in value.items()]
+    if isinstance(value, bool):
+        return [flag if value else f"--no-{flag[2:]}"]
+    return [f"{flag} {_told(value, ',')}"]
+
+
+def _told(value: Any, between: str) -> str:
+    """A value as a flag takes it, with this mark between the parts of a tuple."""
+    if isinstance(value, tuple | list):
+        return between.join(_told(part, "x") for part in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.9g}" if isinstance(value, float) else f"{value}"
 
 
 def reward_scale(spec: Spec) -> float | None:
@@ -204,7 +222,7 @@ def _looking(trained: Trained, **settings: str) -> Trained:
 
 
 def _tested(parts: Sequence[tuple[str, Trained, bool]], episodes: int) -> Row:
-    """The tests of agents: for each name, of agents and whether they play in the game."""
+    """Test agents; `parts` has the name of each test, agents, and whether they play in the game."""
     many = len(parts[0][1].experiment.runs)
     total = episodes * many * len(WAYS) * len(parts)
     found: Row = {}
@@ -234,12 +252,8 @@ def _curve(run: Path, row: Row) -> Row | None:
         return None
     (curve,) = curves_of(run, _measure(row), POINTS, "minutes")
     scale = row["scale"] if _measure(row) == "return" else 1.0
-    values = [[_short(value / scale) for value in of_run] for of_run in curve.values]
+    values = [[four_digits(value / scale) for value in of_run] for of_run in curve.values]
     return {"minutes": [float(f"{at:.4g}") for at in curve.at], "values": values}
-
-
-def _short(value: float) -> float | None:
-    return None if np.isnan(value) else float(f"{value:.4g}")
 
 
 def _measure(row: Mapping[str, Any]) -> str:
@@ -271,7 +285,6 @@ def _store(part: str, row: Row) -> None:
 
 def agents_table() -> str:
     """The agents that see the game's pictures."""
-    rows = [row for row in stored()["agents"] if row["look"] == SHOWN]
     columns = [(way, place) for way in WAYS for place in (HERE_TOO, GAME)]
     tests = (f"{way}, {place}" for way, place in columns)
     head = ("scenario", *PLAYERS, *tests, "minutes", "flags")
@@ -283,7 +296,7 @@ def agents_table() -> str:
             f"{row['minutes']:.0f}",
             f"`{row['flags']}`" if row["flags"] else "",
         ]
-        for row in rows
+        for row in stored()["agents"]
     ]
     return table(head, cells, range(1, len(head) - 1))
 
@@ -350,7 +363,7 @@ def write() -> None:
 
 def _drawn() -> Iterator[Row]:
     """The rows whose training is in the figure."""
-    return (row for row in stored()["agents"] if row["look"] == SHOWN and row["curve"])
+    return (row for row in stored()["agents"] if row["curve"])
 
 
 def figure() -> Figure:

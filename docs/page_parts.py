@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
@@ -69,6 +70,11 @@ class Family(NamedTuple):
 _LISTED = tomllib.loads((HERE / "families.toml").read_text("utf-8"))
 FAMILIES = tuple(Family(name=name, **said) for name, said in _LISTED.items())
 """The families, each with its page; families.toml has the introductions."""
+
+
+def four_digits(value: float) -> float | None:
+    """Four digits of a number for a file; None for NaN."""
+    return None if math.isnan(value) else float(f"{value:.4g}")
 
 
 def each(ids: Sequence[str], doing: str) -> Iterator[str]:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from docs.page_parts import HERE, each
+from docs.page_parts import HERE, each, four_digits
 from jaxenstein import suite
 from jaxenstein.baselines.runs.agents import evaluate
 from jaxenstein.baselines.runs.curves import band, curves_of, new_figure, save_figure
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main as command
-from jaxenstein.cli.suite import trained_on
+from jaxenstein.cli.suite import planned, trained_on
 from jaxenstein.files import atomic, make_folder
 from jaxenstein.results import Results, read_results, write_results
 
@@ -37,8 +37,8 @@ POINTS, COLUMNS = 50, 4
 def add(folder: Path) -> None:
     """Test the agents of one algorithm, and write their results and curves.
 
-    Until there are results for all tasks, they are in docs/suite_partial, and each call adds the
-    tasks of its folder.
+    Until there are results for all tasks, they are in docs/suite_partial. Each call adds the tasks
+    of its folder, or replaces their results.
 
     Args:
         folder: a folder of `jaxenstein train --suite`, with runs for some or all of the tasks.
@@ -50,55 +50,58 @@ def add(folder: Path) -> None:
     about = [RunFolder.open(folder / task.id).experiment for task in tasks]
     if not about:
         raise SystemExit(f"{folder}: no run of a task of the benchmark")
-    config, hparams = about[0].config, about[0].hparams
-    if any((run.config, run.hparams) != (config, hparams) for run in about):
-        raise SystemExit(f"{folder}: the configs of the tasks differ")
-    if config.total_steps != suite.SUITES[SIZE].total_steps:
-        raise SystemExit(f"{folder}: trained with {config.total_steps:,} decisions per agent")
-    results, drawn = partial_results().get(config.algo, {}), stored_curves().get(config.algo, {})
-    curves = {id: drawn[id] for id in results}
-    for task in tasks:
-        curves[task.id] = _curve(folder / task.id)
-        if curves[task.id]["decisions"][-1] != config.updates * config.steps_per_update:
-            raise SystemExit(f"{folder / task.id}: the training is not complete")
+    algo = about[0].config.algo
+    usual = planned(SIZE, {"algo": algo}, 1)
+    shipped, partial = (place / f"{algo}.json" for place in (_shipped(), make_folder(PARTIAL)))
+    stored = next((path for path in (shipped, partial) if path.exists()), None)
+    results = {} if stored is None else _by_task(stored)
+    curves = dict(stored_curves().get(algo, {}))
+    for task, run in zip(tasks, about, strict=True):
+        path = folder / task.id
+        for part in ("config", "hparams", "seeds"):
+            if getattr(run, part) != getattr(usual[task.id], part):
+                raise SystemExit(
+                    f"{path} was not trained by train --suite --algo {algo}: its {part} differs"
+                )
+        curves[task.id] = _curve(path)
+        if curves[task.id]["decisions"][-1] != run.config.updates * run.config.steps_per_update:
+            raise SystemExit(f"{path}: the training is not complete")
     for id in each([task.id for task in tasks], "testing"):
         trained = trained_on(suite.task_of(id), folder, suite.SUITES[SIZE])
-        named = dataclasses.replace(trained, name=config.algo)
+        named = dataclasses.replace(trained, name=algo)
         results[id] = evaluate(named, episodes=suite.EPISODES)
     ids = [task.id for task in suite.TASKS if task.id in results]
     ordered = [results[id] for id in ids]
     if departures := suite.departures(ordered):
         raise SystemExit(f"{folder} departs from the protocol: {', '.join(departures)}")
-    partial = make_folder(PARTIAL) / f"{config.algo}.json"
-    if len(ordered) < len(suite.TASKS):
-        write_results(partial, ordered)
-    else:
-        shipped = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}")
-        write_results(shipped / partial.name, ordered)
+    complete = len(ordered) == len(suite.TASKS)
+    write_results(shipped if complete else partial, ordered)
+    if complete:
         partial.unlink(missing_ok=True)
     lines = ",\n".join(f"{json.dumps(id)}: {json.dumps(curves[id])}" for id in ids)
-    with atomic(make_folder(CURVES) / f"{config.algo}.json") as temporary:
+    with atomic(make_folder(CURVES) / f"{algo}.json") as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", "utf-8")
 
 
 def partial_results() -> dict[str, dict[str, Results]]:
     """The results of algorithms that lack some tasks, by algorithm and task."""
-    return {
-        path.stem: {str(one.environment.id): one for one in read_results(path)}
-        for path in sorted(PARTIAL.glob("*.json"))
-    }
+    return {path.stem: _by_task(path) for path in sorted(PARTIAL.glob("*.json"))}
+
+
+def _by_task(path: Path) -> dict[str, Results]:
+    return {str(one.environment.id): one for one in read_results(path)}
+
+
+def _shipped() -> Path:
+    """The folder of results that are part of the package."""
+    return make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}")
 
 
 def _curve(run: Path) -> dict[str, Any]:
     """The training of a task: decisions, and a list of mean returns for each seed."""
     (curve,) = curves_of(run, "return", POINTS)
-    returns = [[_short(value) for value in values] for values in curve.values]
+    returns = [[four_digits(value) for value in values] for values in curve.values]
     return {"decisions": curve.at.astype(int).tolist(), "returns": returns}
-
-
-def _short(value: float) -> float | None:
-    """Four digits of a number; None where no episode ended."""
-    return None if np.isnan(value) else float(f"{value:.4g}")
 
 
 def stored_curves() -> dict[str, dict[str, Any]]:

@@ -36,7 +36,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("FILE", "PAGE", "PICTURE", "TRAINERS"):
         path = tmp_path / getattr(doom_pixels, name).name
         monkeypatch.setattr(doom_pixels, name, path)
-    monkeypatch.setattr(doom_pixels, "AGENTS", tmp_path)
+    monkeypatch.setattr(doom_pixels, "PACKAGED", tmp_path)
     doom_pixels.PAGE.write_text(PAGE)
     return tmp_path
 
@@ -62,13 +62,26 @@ def test_scale_of_rewards(params: dict[str, float], scale: float | None) -> None
     assert doom_pixels.reward_scale(spec_from({"env": "doom-basic", "params": params})) == scale
 
 
-def test_flags_train_the_same_agents() -> None:
-    flags = "--frame-skip 2 --total-steps 20000 --anneal --entropy 0.02"
-    params = "--param damage_factor=0:2 --param way_reward=0.2"
+@pytest.mark.parametrize(
+    "flags",
+    [
+        "--frame-skip 2 --total-steps 20000 --anneal --entropy 0.02 "
+        "--param damage_factor=0:2 --param way_reward=0.2",
+        "--no-recurrent --convolutions 8x4x16,4x2x32 --set show_weapon=false",
+        "--seeds 2 --grid gamma=0.9,0.99",
+        "",
+    ],
+)
+def test_flags_train_the_same_agents(flags: str) -> None:
     told = "--out runs --config doom-pixels --env doom-deadly-corridor --look plain"
     fill(parser := Parser())
-    given = given_training(parser.parse_args(f"{told} {flags} {params}".split()))
-    assert doom_pixels.flags_of(resolve(given)) == f"{flags} {params}"
+
+    def experiment(flags: str) -> Any:
+        return resolve(given_training(parser.parse_args(f"{told} {flags}".split())))
+
+    found = doom_pixels.flags_of(experiment(flags))
+    assert sorted(found.split()) == sorted(flags.split())
+    assert experiment(found) == experiment(flags)
 
 
 def test_without_rows_the_page_has_no_tables(files: Path) -> None:

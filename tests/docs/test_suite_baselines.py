@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import shlex
 import shutil
 from pathlib import Path
 
@@ -18,9 +17,10 @@ pytest.importorskip("matplotlib")
 from docs import measured, other_pages, suite_baselines
 from jaxenstein import suite
 from jaxenstein.cli import main
+from jaxenstein.comparison import run_returns, run_scores
 from jaxenstein.intervals import mean_interval
-from jaxenstein.results import read_results, write_results
-from jaxenstein.scores import normalised
+from jaxenstein.results import Results, read_results, write_results
+from jaxenstein.scores import aggregates, normalised, probability_of_improvement
 
 PAGE = "<!-- suite tasks -->\n<!-- end -->\n<!-- suite baselines -->\n<!-- end -->\n"
 
@@ -29,6 +29,7 @@ def test_the_curves_belong_to_the_results() -> None:
     curves, partial = suite_baselines.stored_curves(), suite_baselines.partial_results()
     shipped = suite.BASELINES / f"{suite_baselines.SIZE}-{suite.VERSION}"
     assert [*curves] == sorted([*(path.stem for path in shipped.glob("*")), *partial])
+    assert not {*partial} & {path.stem for path in shipped.glob("*")}
     for results in partial.values():
         assert suite.departures(results.values()) == []
     for algo, tasks in curves.items():
@@ -49,30 +50,56 @@ def test_the_page_says_what_was_measured() -> None:
     page = " ".join((suite_baselines.HERE / "suite.md").read_text("utf-8").split())
     ppo, rnd = (suite.baselines()[f"{name} (baseline)"] for name in ("PPO", "RND"))
     icm = suite_baselines.partial_results()["icm"]
-    for mine, task, solved in (
-        (rnd, "simple", 4),
-        (rnd, "key-door", 4),
-        (rnd, "dmlab-static-01", 0),
-        (icm, "simple", 1),
-        (icm, "key-door", 4),
-        (icm, "dmlab-static-01", 0),
-        (ppo, "simple", 0),
-        (ppo, "key-door", 1),
-        (ppo, "dmlab-static-01", 0),
-    ):
+    words = ("none", "one", "two", "three", "four", "five")
+
+    def solved(mine: dict[str, Results], task: str) -> str:
         reached = mine[task].successes.mean(axis=1)
         assert ((reached < 0.05) | (reached > 0.95)).all()
-        assert (reached > 0.95).sum() == solved
-    assert np.sum(np.any(ppo["t-maze"].returns, axis=1)) == 1
-    assert not np.any(rnd["t-maze"].returns)
+        return words[(reached > 0.95).sum()]
+
+    both = ("simple", "key-door")
+    (rnd_solves,) = {solved(rnd, task) for task in both}
+    others = (" and ".join(solved(mine, task) for task in both) for mine in (icm, ppo))
+    assert (
+        "RND solves `simple` and `key-door` with {} agents of five each, ICM with {}, PPO with {}."
+    ).format(rnd_solves, *others) in page
+    assert {solved(mine, "dmlab-static-01") for mine in (ppo, rnd, icm)} == {"none"}
+    assert "No agent learns `dmlab-static-01`." in page
+    avoid = [words[(~mine["t-maze"].returns.any(axis=1)).sum()] for mine in (ppo, rnd)]
+    assert avoid == ["four", "five"]
+    assert "in `t-maze` four agents of PPO and all of RND avoid both arms." in page
     # A guess earns 0.5 in minigrid-memory-s13.
     ends = suite.references()["minigrid-memory-s13"]
     for mine in (ppo, rnd):
         earned = mean_interval(mine["minigrid-memory-s13"].returns)
         assert earned.low < 0.5 < earned.high
-    assert f"a guess ({normalised(0.5, ends.random, ends.expert):.2f})." in page
+    assert (
+        f"neither algorithm beats a guess ({normalised(0.5, ends.random, ends.expert):.2f})."
+        in page
+    )
     first = ppo["doom-deadly-corridor"].returns[0]
     assert all((mine["doom-deadly-corridor"].returns == first).all() for mine in (ppo, rnd))
+    assert "in `doom-deadly-corridor` all agents of PPO and RND act alike" in page
+    chance = probability_of_improvement(*map(run_returns, (rnd, ppo)))
+    assert chance.low < 0.5 < chance.high
+    assert "A run of RND has a higher return than one of PPO in half of the cases." in page
+
+
+def test_only_in_exploration_intervals_do_not_overlap() -> None:
+    shipped = {name: suite.baselines()[f"{name} (baseline)"] for name in ("PPO", "RND")}
+    apart = []
+    for ability in {task.ability for task in suite.TASKS}:
+        ppo, rnd = (
+            aggregates([
+                runs
+                for task, runs in zip(mine, run_scores(mine, suite.references()), strict=True)
+                if suite.task_of(task).ability == ability
+            ])["interquartile_mean"]
+            for mine in shipped.values()
+        )  # fmt: skip
+        if ppo.high < rnd.low or rnd.high < ppo.low:
+            apart.append(ability)
+    assert apart == ["exploration"]
 
 
 @pytest.mark.slow
@@ -98,8 +125,13 @@ def test_an_algorithm_is_added_from_its_runs(
     page = tmp_path / "suite.md"
     page.write_text(PAGE)
     monkeypatch.setattr(measured, "SUITE", page)
-    sizes = "--num-envs 4 --rollout 32 --minibatches 2 --features 8 --hidden 8 --head 8"
-    train = ["train", "--suite", "--algo", "e3b", *shlex.split(sizes)]
+    sizes = {"num_envs": 4, "rollout": 32, "minibatches": 2, "features": 8, "hidden": 8, "head": 8}
+    flags = [f"--{name.replace('_', '-')}={value}" for name, value in sizes.items()]
+    train = ["train", "--suite", "--algo", "e3b", *flags]
+    planned = suite_baselines.planned
+    monkeypatch.setattr(
+        suite_baselines, "planned", lambda size, given, budget: planned(size, given | sizes, budget)
+    )
     assert main([*train, "--out", "runs"]) == 0
     # With one task of two.
     shutil.copytree("runs", "part", ignore=lambda *_: ["simple"])
@@ -125,5 +157,5 @@ def test_an_algorithm_is_added_from_its_runs(
     assert re.search(r"\| all \|[^|]+\|  \|\n", told)
     # Half of the decisions.
     assert main([*train, "--out", "short", "--budget", "0.5"]) == 0
-    with pytest.raises(SystemExit, match="short: trained with 128 decisions per agent"):
+    with pytest.raises(SystemExit, match=r"short.t-maze was not trained by .* its config differs"):
         measured.main(["baselines", "short"])
