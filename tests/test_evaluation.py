@@ -137,6 +137,24 @@ def test_weights_in_a_partial_are_not_compiled_in(world: tuple[Any, Any]) -> Non
     assert len(traced) == before + 1
 
 
+def test_changed_weights_are_used(world: tuple[Any, Any]) -> None:
+    """JAX knows a compiled program by its function, which stays the same."""
+
+    class Agent:
+        action = 0
+
+        def __call__(self, obs: Any, key: Any) -> Any:
+            return self.action
+
+    agent = Agent()
+    for policy in (agent, agent.__call__):
+        lengths = []
+        for action in (0, world[0].index_of("forward")):
+            agent.action = action
+            lengths.append(int(evaluate(*world, policy, episodes=1).lengths[0, 0]))
+        assert lengths[1] < lengths[0]
+
+
 def test_unhashable_callables_are_policies(world: tuple[Any, Any]) -> None:
     @dataclasses.dataclass
     class Constant:

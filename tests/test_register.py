@@ -114,7 +114,9 @@ def test_taken_ids_are_refused(importable: str) -> None:
         with pytest.raises(SettingError, match=f"'{id}' is taken by an environment of the package"):
             jaxenstein.register(id, Fruit)
     make(f"{importable}:slow")
-    with pytest.raises(SettingError, match=f"'slow' is taken by the module '{importable}'"):
+    with pytest.raises(
+        SettingError, match=f"'slow' is already registered by the module '{importable}'"
+    ):
         jaxenstein.register("slow", Fruit)
     jaxenstein.register("again", Fruit)
     jaxenstein.register("again", HealthGathering)
@@ -253,7 +255,10 @@ def test_gymnasium_knows_registered_ids(order: str) -> None:
         f"{order}\nfrom examples.custom_task import Fruit\n"
         "jaxenstein.register('my-task', Fruit, version=2)\n"
         "env = gymnasium.make('jaxenstein/my-task-v2', height=6, width=8, reach=0.3)\n"
-        "print(env.observation_space.shape)"
+        "print(env.observation_space.shape)\n"
+        "jaxenstein.register('my-task', Fruit, version=3)\n"
+        "assert 'jaxenstein/my-task-v3' in gymnasium.registry\n"
+        "assert 'jaxenstein/my-task-v2' not in gymnasium.registry\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.strip() == "(6, 8, 3)", done.stderr

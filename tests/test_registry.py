@@ -100,6 +100,7 @@ def test_default_params_of_the_tasks(name, horizon, discount, living):
         ("KeyDoor", "did you mean 'key-door'"),
         ("zzz", "there are simple, key-door.* and others; 'jaxenstein list' shows all"),
         (3, "unknown environment 3"),
+        ("jaxenstein/my-way-home-v0", "is an id of gymnasium.make; here it is 'my-way-home'"),
         (None, "unknown environment None"),
         ("maze.txt", "from_file, or --map-file on the command line"),
     ],
@@ -236,4 +237,10 @@ def test_repr_of_an_environment_is_one_line():
 def test_warnings_point_at_the_caller():
     with pytest.warns(jaxenstein.MapWarning, match="line 2, column 4") as caught:
         jaxenstein.from_ascii("#####\n#S#G#\n#####")
+    assert caught[0].filename == __file__
+
+
+def test_apples_of_a_map_are_not_lost_in_silence():
+    with pytest.warns(jaxenstein.MapWarning, match="custom: apples are left out; ") as caught:
+        jaxenstein.from_ascii("######\n#SaaG#\n######")
     assert caught[0].filename == __file__

@@ -166,7 +166,7 @@ def evaluate(
             With a carry it is called as `policy(carry, obs, key)` and returns the next carry and
             the action. `obs` is one observation, `key` a typed random key for this step. Weights
             in a `jax.tree_util.Partial` are arguments of the compiled program. All other weights
-            are constants in it, so new ones compile it again.
+            are constants in it, so each call compiles it again.
         carry: the memory of one environment at the start of every episode: a pytree of arrays
             whose structure, shapes and dtypes must not change. None: the policy has no memory.
         episodes: the number of episodes, at least 1.
@@ -336,12 +336,9 @@ def _partial(policy: Callable[..., Any]) -> jax.tree_util.Partial:
     """The policy as an argument of a compiled program; its function is static."""
     if isinstance(policy, jax.tree_util.Partial):
         return policy
-    try:
-        hash(policy)
-    except TypeError:
-        # Such as a dataclass with arrays: it is compiled again each time.
-        return jax.tree_util.Partial(lambda *given: policy(*given))
-    return jax.tree_util.Partial(policy)
+    # A new function each time: JAX would reuse the program of an equal one, whose weights may
+    # have changed since, such as those of an object or of a global variable.
+    return jax.tree_util.Partial(lambda *given: policy(*given))
 
 
 def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], carry: Any) -> Any:

@@ -53,7 +53,7 @@ class Params(PyTreeNode):
     compiled code. Traced values are not checked.
 
     Attributes:
-        max_steps_in_episode: steps after which an episode is truncated; at least 1.
+        max_steps_in_episode: world steps after which an episode is truncated; at least 1.
         discount: the task's discount factor for the learner, 0 to 1; the environment does not
             use it.
     """

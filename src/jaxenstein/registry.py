@@ -29,6 +29,7 @@ LISTENERS: list[Callable[[], None]] = []
 
 _ID = re.compile(r"[A-Za-z0-9]+(?:[-_.][A-Za-z0-9]+)*")
 _VERSIONED = re.compile(r".*-v\d+")
+_OF_GYMNASIUM = re.compile(r"jaxenstein/(.+)-v\d+")
 
 
 def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> None:
@@ -68,9 +69,8 @@ def register(id: str, build: Build, *, summary: str = "", version: int = 0) -> N
     if id in ALIASES or id in catalogue.ENTRIES:
         raise SettingError(f"the id {quoted(id)} is taken by an environment of the package")
     if id in ENTRIES and ENTRIES[id].module != module:
-        raise SettingError(
-            f"the id {quoted(id)} is taken by the module {quoted(ENTRIES[id].module)}"
-        )
+        owner = f"the module {quoted(ENTRIES[id].module)}" if ENTRIES[id].module else "this program"
+        raise SettingError(f"the id {quoted(id)} is already registered by {owner}")
     told = summary or _first_line(build)
     ENTRIES[id] = Row(id, "", build, told, version=int(version), module=module)
     for listener in LISTENERS:
@@ -189,6 +189,11 @@ def find(id: Any) -> tuple[str, Row]:
         return name, row
     if colon:
         return id, _row_of_class(id, sys.modules[module], rest)
+    versioned = _OF_GYMNASIUM.fullmatch(id) if isinstance(id, str) else None
+    if versioned and versioned[1] in {**ENTRIES, **ALIASES}:
+        raise UnknownEnvironmentError(
+            f"{quoted(id)} is an id of gymnasium.make; here it is {quoted(versioned[1])}"
+        )
     if isinstance(id, str | Path) and (Path(id).suffix == ".txt" or len(Path(id).parts) > 1):
         raise UnknownEnvironmentError(
             f"unknown environment {quoted(str(id))}: to read a map from a file use "

@@ -35,7 +35,11 @@ def environment_options() -> dict[str, Option]:
             "explains the symbols, 'jaxenstein list --samples' prints the sample maps",
         ),
         ("heading", HEADING, "first heading on that map, 0 east, 90 south; default any"),
-        ("horizon", Domain("whole", 1), "maximum number of steps of an episode"),
+        (
+            "horizon",
+            Domain("whole", 1),
+            "maximum number of world steps of an episode; a decision takes frame_skip of them",
+        ),
         ("settings", table, "other settings of jaxenstein.make"),
         (
             "params",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import MapError, quoted
+from .errors import MapError, MapWarning, quoted
 from .registry import check_names, fields_of
 
 if TYPE_CHECKING:
@@ -89,5 +90,12 @@ def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, Naviga
     name = settings.get("name", "custom")
     painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
     tilemap = parse_ascii(text, name, **painted, stacklevel=4)
+    if tilemap.apples:
+        warnings.warn(
+            f"{name}: apples are left out; jaxenstein.tasks.maze.Maze(tilemap="
+            "jaxenstein.maps.parse_ascii(text)) is a task with apples",
+            MapWarning,
+            stacklevel=3,
+        )
     env = Navigation(tilemap=tilemap, **settings)
     return env, env.check_params()

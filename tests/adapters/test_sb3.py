@@ -23,6 +23,8 @@ from stable_baselines3.common.vec_env import (  # noqa: E402  # pyright: ignore[
 )
 
 from jaxenstein.adapters.sb3 import SB3VecEnv  # noqa: E402
+from jaxenstein.maps import parse_ascii  # noqa: E402
+from jaxenstein.tasks.maze import Maze  # noqa: E402
 from tests.adapters.corridor import FORWARD, MAP, SIZE, STAY, N, make_corridor  # noqa: E402
 
 
@@ -67,6 +69,24 @@ def test_info_describes_episode_at_its_end(venv):
     assert (told["episode"]["r"], told["episode"]["l"]) == (1.0, 3)
     assert told["reached_goal"]
     assert told["is_success"] is True
+
+
+def test_success_in_any_step_counts():
+    """The goal moves the agent to a new start, and only the time limit ends the episode."""
+    settings: Any = SIZE
+    tilemap = parse_ascii("#####\n#SSG#\n#####\n")
+    env = Maze(tilemap=tilemap, respawn=True, heading=0.0, **settings)
+    params = env.default_params.replace(max_steps_in_episode=9, move_distance=0.9)
+    venv = SB3VecEnv(env, params, 2)
+    venv.reset()
+    for episode in range(2):
+        infos: Any = []
+        for t in range(9):
+            # The first agent reaches the goal in the first episode alone.
+            go = FORWARD if episode == 0 and t < 4 else STAY
+            _, _, _, infos = venv.step(np.array([go, STAY]))
+        assert [info["is_success"] for info in infos] == [episode == 0, False]
+        assert not infos[0]["success"]
 
 
 @pytest.mark.parametrize("kind", ["gray", "dict"])
@@ -231,6 +251,8 @@ def test_vizdooms_ids_are_a_batch_of_gymnasiums():
             assert info["TimeLimit.truncated"] == wanted["TimeLimit.truncated"]
             assert ("terminal_observation" in info) == ("terminal_observation" in wanted)
             ends += "terminal_observation" in info
+            for name in ("r", "l"):
+                assert info.get("episode", {}).get(name) == wanted.get("episode", {}).get(name)
             np.testing.assert_equal(*(one.get("terminal_observation", 0) for one in (info, wanted)))
         seen = [mine, other]
     assert ends == 2

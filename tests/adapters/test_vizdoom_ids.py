@@ -111,6 +111,12 @@ def test_gymnasiums_check() -> None:
     assert env.observation_space["screen"].shape == (12, 16, 3)
 
 
+def test_a_batch_has_no_second_time_limit() -> None:
+    id = clients.name_of("HealthGathering", "each", ours=True)
+    with pytest.raises(SettingError, match="these ids take episode_timeout, in tics"):
+        gymnasium.make_vec(id, 2, max_episode_steps=3, **SMALL)
+
+
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_batch_is_gymnasiums_batch_of_single_ones(mode: str) -> None:
     """Through two ends of episodes: observations, rewards, ends, and the last observations."""

@@ -114,6 +114,7 @@ def test_record_and_play_accept_own_policy(module: str, capsys: pytest.CaptureFi
         (["--policy", "{}:every_thrid"], "has no function 'every_thrid', did you mean 'every_thi"),
         (["--policy", "{}:nothing"], "has no function 'nothing'"),
         (["--policy", "{}:alone"], "must take (env, params) and return (policy, carry)"),
+        (["--policy", "os:getcwd"], "return (policy, carry), with carry None for a policy without"),
         (["--policy", "{}:logits"], "must be one whole number of shape ()"),
         (["--policy", "{}_not:forward"], "no module named"),
         (["--policy", "{}"], "has no player 'agents_of"),

@@ -51,13 +51,19 @@ def vizdoom_ids() -> dict[str, dict[str, Any]]:
 
 
 def register() -> None:
-    """Register all environments with Gymnasium, except those that are already registered."""
+    """Register all environments with Gymnasium, except those already registered; drop old ids."""
     import gymnasium
 
     kinds = (
         (_SINGLE, _VECTOR, {id: {"env": name} for id, name in gymnasium_ids().items()}),
         (_VIZDOOM.format(""), _VIZDOOM.format("vector_"), vizdoom_ids()),
     )
+    current = {id for _, _, ids in kinds for id in ids}
+    for id, spec in [*gymnasium.registry.items()]:
+        # A task that was registered again with another version.
+        ours = spec.entry_point == _SINGLE and spec.namespace == NAMESPACE
+        if ours and id not in current:
+            del gymnasium.registry[id]
     for single, vector, ids in kinds:
         for id, kwargs in ids.items():
             if id not in gymnasium.registry:

@@ -43,10 +43,12 @@ class SB3VecEnv(VecEnv):
     Stable-Baselines3 needs a channel axis.
 
     The info of the step that ends an episode has the entries of the environment for the last
-    state, `terminal_observation`, and `is_success`, which SB3's evaluation logs. Like a `Monitor`,
-    it also has `episode` with the return `r`, the length `l` and the seconds `t` since the batch
-    was created; `env_is_wrapped(Monitor)` is therefore true. Every info has
-    `TimeLimit.truncated`: whether only the time limit ended the episode.
+    state, `terminal_observation`, and `is_success`: whether the episode reached the aim of the task
+    in any of its steps, which SB3's evaluation logs. Like a `Monitor`, it also has `episode` with
+    the return `r`, the length `l` in calls of `step`, and the seconds `t` since the batch was
+    created; `env_is_wrapped(Monitor)` is therefore true. Every info has `TimeLimit.truncated`:
+    whether only the time limit ended the episode. It is always False with ViZDoom's ids, whose
+    time limit terminates, as in ViZDoom itself.
 
     `get_attr` reads the attributes of the environment, the same for all N, and its params, which
     may differ.
@@ -93,6 +95,7 @@ class SB3VecEnv(VecEnv):
         self.render_mode = render_mode
         self._began = time.time()
         self._actions: Any = None
+        self._succeeded = np.zeros(num_envs, bool)
         super().__init__(num_envs, _with_channels(seen.observation_space), seen.action_space)
 
     def reset(self) -> Any:
@@ -100,6 +103,7 @@ class SB3VecEnv(VecEnv):
         if any(self._options):
             raise SettingError("reset takes no options: use params instead")
         observation, info = self.batch.reset(self._seeds)
+        self._succeeded[:] = False
         self._reset_seeds()
         self.reset_infos = _rows(info, self.num_envs)
         return self._told(_writable(observation))
@@ -134,6 +138,9 @@ class SB3VecEnv(VecEnv):
             cut = truncated & ~terminated
             for i, info in self._endings(stepped.ended):
                 infos[i] = info | {"TimeLimit.truncated": bool(cut[i])}
+        # Where an episode ended, this is the success of the new one.
+        self._succeeded[terminated | truncated] = False
+        self._succeeded |= stepped.info["success"]
         return self._told(_writable(stepped.observation)), reward, terminated | truncated, infos
 
     def close(self) -> None:
@@ -227,9 +234,9 @@ class SB3VecEnv(VecEnv):
             ended.indices.tolist(), _rows(ended.info, count), last, strict=True
         ):
             total, length = float(info["episode_return"]), int(info["episode_length"])
-            episode = {"r": round(total, 6), "l": length, "t": seconds}
-            # SB3's evaluation logs this as the success rate.
-            success = {"is_success": bool(info["success"])}
+            steps = -(-length // self.batch.env.frame_skip)
+            episode = {"r": round(total, 6), "l": steps, "t": seconds}
+            success = {"is_success": bool(self._succeeded[i] | info["success"])}
             last_of = {"terminal_observation": observation, "episode": episode}
             yield i, info | success | last_of
 

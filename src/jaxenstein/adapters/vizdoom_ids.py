@@ -166,13 +166,17 @@ def vizdoom_vector_env(scenario: str, num_envs: int = 1, **settings: Any) -> Gym
         scenario: the name in an id, such as `"MyWayHome"`.
         num_envs: N.
         **settings: keyword arguments of ViZDoom's wrapper; settings of its game that exist here;
-            settings and params of the environment; arguments of `GymnasiumVectorEnv`.
+            settings and params of the environment; arguments of `GymnasiumVectorEnv`, except
+            `max_episode_steps`.
 
     Raises:
         SettingError: a setting does not exist here, or its value is invalid.
         MissingViZDoomError: ViZDoom, which has the pictures, is not installed.
     """
-    names = "autoreset_mode", "copy", "render_mode", "max_episode_steps"
+    if settings.pop("max_episode_steps", None) is not None:
+        # It would shorten a time limit that terminates, where Gymnasium's truncates.
+        raise SettingError("these ids take episode_timeout, in tics, instead of max_episode_steps")
+    names = "autoreset_mode", "copy", "render_mode"
     own = {name: settings.pop(name) for name in names if name in settings}
     env, params, interface = made(None, scenario, **settings)
     return GymnasiumVectorEnv(env, params, num_envs, interface=interface, **own)

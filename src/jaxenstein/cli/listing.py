@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> None:
     print(format_table(table, right=(1, 2, 3, 4), width=LIST_WIDTH))
     print()
     aliases = {alias: name for alias, name in registry.ALIASES.items() if name in found}
-    notes = ["map: columns x rows, in tiles; horizon: most steps in an episode"]
+    notes = ["map: columns x rows, in tiles; horizon: most world steps in an episode"]
     if any(row[1].endswith(GENERATED) for row in table):
         notes.append(f"{GENERATED} every reset generates a new map")
     if any(row[2] for row in table[1:]):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import inspect
 import re
 import sys
 from typing import TYPE_CHECKING, Any
@@ -32,7 +34,7 @@ def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
     """Call MODULE:FUNCTION to get its policy for an environment.
 
     Raises:
-        UsageError: the module or function does not exist, or it does not return a pair.
+        UsageError: the module or function does not exist, or it takes or returns the wrong values.
         SettingError: the policy does not take or return what `jaxenstein.evaluate` documents.
     """
     module, _, name = text.partition(":")
@@ -42,11 +44,18 @@ def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
     if not callable(function):
         close = nearest(name, (name for name, value in there.items() if callable(value)))
         raise UsageError(f"jaxenstein: --policy: {module} has no function {quoted(name)}{close}")
+    wanted = (
+        f"jaxenstein: --policy: {text} must take (env, params) and return (policy, carry), "
+        "with carry None for a policy without memory; it "
+    )
+    # Some callables have no signature.
+    with contextlib.suppress(ValueError):
+        signature = inspect.signature(function)
+        try:
+            signature.bind(env, params)
+        except TypeError as error:
+            raise UsageError(f"{wanted}takes {signature}") from error
     made = function(env, params)
     if not isinstance(made, tuple) or len(made) != 2 or not callable(made[0]):
-        shown = quoted(made)
-        raise UsageError(
-            f"jaxenstein: --policy: {text} must take (env, params) and return (policy, carry), "
-            f"with carry None for a policy without memory; it returned {shown}"
-        )
+        raise UsageError(f"{wanted}returned {quoted(made)}")
     return Own(*made, env, params, text)

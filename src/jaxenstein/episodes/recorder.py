@@ -46,8 +46,8 @@ def record(
     Args:
         env: a first-person environment; its `autoreset` does not matter.
         params: its params; None for the default params.
-        policy: a name from `episodes.policies.POLICIES`, such as "forward", "random" or "expert";
-            a list of actions; or any function of a `Session` that returns an action, such as
+        policy: the name of a scripted player, such as "forward", "random" or "expert"; a list of
+            actions; or any function of a `Session` that returns an action, such as
             `lambda session: agent(session.observation)`.
         seed: the seed of the episode and of the named policies, 0 to 2**32 - 1.
         steps: the maximum number of steps; None for the whole episode or list of actions.
