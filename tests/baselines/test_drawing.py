@@ -16,13 +16,16 @@ from jaxenstein.baselines.rollout import start
 from jaxenstein.baselines.runs.agents import evaluate, load_policy
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.options import resolve
-from jaxenstein.baselines.runs.trained import load_trained
+from jaxenstein.baselines.runs.policies import TrainedPolicy
+from jaxenstein.baselines.runs.programs import write_program
+from jaxenstein.baselines.runs.trained import Trained, load_trained, write_trained
 from jaxenstein.baselines.runs.training import train
 from jaxenstein.baselines.simulator import DrawingSimulator, OwnSimulator, make_simulator
 from tests.baselines.tiny import OPTIONS, same_checkpoints, tiny
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
+KEY = jax.random.key(0)
 RANGES = {"turn_angle": (0.1, 0.4), "living_reward": (-2.0, -1.0)}
 
 
@@ -73,6 +76,18 @@ def test_random_clocks_work_with_drawn_params() -> None:
     times = np.asarray(actors.env_state.state.time)
     assert 0 <= times.min() < 20
     assert 80 < times.max() < 100
+
+
+def test_files_describe_agents_of_ranges(tmp_path: Path) -> None:
+    ranges = {name: list(ends) for name, ends in RANGES.items()}
+    experiment, path = tiny(params=ranges, seeds=1), tmp_path / "agent.npz"
+    params = jax.tree.map(lambda leaf: leaf[None], experiment.learner.network.init(KEY))
+    trained = Trained("x", experiment, params, 0)
+    write_trained(path, trained, "float32", {})
+    assert load_policy(path).params.turn_angle == (0.1, 0.4)
+    pytest.importorskip("flatbuffers")
+    write_program(tmp_path / "agent.jaxexport", TrainedPolicy(trained, 0, True))
+    assert (tmp_path / "agent.jaxexport").stat().st_size > 1000
 
 
 @pytest.mark.slow

@@ -265,6 +265,34 @@ def test_random_clocks_end_episodes_at_different_times():
     assert not np.asarray(actors.episode_length).any()
 
 
+def test_random_clocks_belong_to_the_first_observations():
+    """An observation of the countdown is its time."""
+    config = Config(**SMALL, random_clocks=True)
+    actors = Learner(Countdown(), None, config).init(KEY).actors
+    times = np.asarray(actors.env_state.time)
+    assert len(set(times.tolist())) > 1
+    np.testing.assert_array_equal(actors.obs[:, 0], times)
+
+
+def test_none_means_the_params_of_the_environment():
+    config = Config(**SMALL)
+    one, other = (
+        Learner(Countdown(), params, config) for params in (None, Countdown().default_params)
+    )
+    assert one.loop.slots == other.loop.slots
+    assert one.loop.discount == other.loop.discount == 0.9
+
+
+def test_a_time_limit_of_ones_own_may_truncate_in_any_step():
+    class Sooner(Countdown):
+        def time_is_up(self, state, params):
+            return state.time >= 2
+
+    config = Config(**SMALL)
+    assert Learner(Sooner(), None, config).loop.slots == config.rollout
+    assert Learner(Countdown(), None, config).loop.slots < config.rollout
+
+
 def test_run_stops_learning_at_target_success():
     """The agent does not affect its successes, so their mean grows slowly and surely."""
     run = learner_of(Countdown(), anneal=False, stop_success=0.2)

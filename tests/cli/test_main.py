@@ -166,6 +166,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         ([*TRAIN, "--clip=0"], "argument --clip: must be a finite number above 0, not 0"),
         ([*TRAIN, "--set=fov"], "--set must be NAME=VALUE, not 'fov'"),
         ([*TRAIN, "--env=simple", "--num-envs=6"], "num_envs must be a multiple of minibatches"),
+        ([*TRAIN, "--env=simple", "--persistence=1", "--no-recurrent"], "persistence needs recurr"),
         ([*TRAIN, "--config=none.toml"], "cannot read none.toml: no such file"),
         ([*TRAIN, "--map-file=none.txt"], "cannot read the map none.txt: no such file"),
         ([*TRAIN, "--resume"], "there is no run in"),

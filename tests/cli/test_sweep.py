@@ -94,6 +94,12 @@ def test_summary_lists_the_best_point_first(tmp_path: Path) -> None:
     assert (points[1].earned.mean, points[1].earned.low, points[1].earned.high) == (0.5, 0.25, 0.75)
     assert points[0].earned.mean == 1
     assert np.isnan(points[2].earned.mean)
+    rows = [json.loads(line) for line in (grid.path / "metrics.jsonl").read_text().splitlines()]
+    # The last update of the second seed.
+    rows[-3]["diverged"] = 1
+    (grid.path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    (point,) = [point for point in summary([grid.path]) if point.label == "a, clip 0.1"]
+    assert (point.runs, point.diverged, point.earned.mean, point.earned.low) == (2, 1, 0.25, 0.25)
     lines = table(points).splitlines()
     assert lines[2].split() == ["a,", "clip", "0.1", "2", "0.5", "0.25", "-", "0.75", "50.0%",
                                 "25.0%", "-", "75.0%"]  # fmt: skip
@@ -146,6 +152,16 @@ def test_command_trains_skips_and_lists(
     capsys.readouterr()
     assert main(["sweep", *flags, "--resume", "--epochs=3"]) == 2
     assert "config.epochs (3, not 2)" in capsys.readouterr().err
+
+
+def test_refused_sweeps_make_no_folders(
+    common: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = RunFolder.create(tmp_path / "s" / "rnd", tiny(seeds=1))
+    words = [word for word in common if word not in ("--algo", "ppo")]
+    assert main(["sweep", *words, "--no-grid", "--algo", "ppo", "rnd"]) == 2
+    assert f"{there.path} already has a run" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "s").iterdir()] == ["rnd"]
 
 
 def test_ctrl_c_in_last_update_of_a_part_ends_the_sweep(

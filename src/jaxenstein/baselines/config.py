@@ -239,6 +239,10 @@ class Config:
         bonus = FrozenDict({name: getattr(own, name) for name in row.settings})
         object.__setattr__(self, "bonus", bonus)
         check(self)
+        if self.persistence and not self.recurrent:
+            raise SettingError(
+                "persistence needs recurrent: without it, the network does not see the last action"
+            )
         self._check_batch()
 
     def _check_batch(self) -> None:

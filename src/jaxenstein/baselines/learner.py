@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..environment import Environment
 from ..errors import SettingError
 from ..evaluation import Evaluation, Playing, play_out
 from ..params import split_ranges
@@ -57,14 +58,19 @@ class Learner:
         Args:
             env: an environment from `jaxenstein.make` with any `autoreset`, or a gymnax
                 environment whose `step` returns six values, with `final_observation` in `info`.
-            env_params: its params, which become constants of the program. Each episode draws its
-                own value for a param that is a range.
+            env_params: its params, which become constants of the program; None for the default
+                params of an environment of this package. Each episode draws its own value for a
+                param that is a range.
             config: the static settings.
 
         Raises:
             SettingError: the config does not suit the environment.
         """
-        self.env, self.env_params, self.config = env, env_params, config
+        if env_params is None and isinstance(env, Environment):
+            env_params = env.default_params
+        self.env: Any = env
+        self.env_params: Any = env_params
+        self.config = config
         self.simulator = make_simulator(env, env_params)
         self.spec = observation_spec(env, env_params)
         for shape in self.spec.images:
@@ -79,6 +85,8 @@ class Learner:
         slots, clocks = 0, None
         if config.bootstrap_truncation:
             slots = most_truncations(env_params, config.rollout, skip)
+            if isinstance(env, Environment) and type(env).time_is_up is not Environment.time_is_up:
+                slots = config.rollout
         if config.random_clocks:
             clocks = env.most_steps(split_ranges(env_params)[0]), skip
         self.loop = Loop(

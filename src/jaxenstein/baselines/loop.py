@@ -96,10 +96,13 @@ class Loop:
             - those of `rollout`;
             - means over the minibatches: `loss`, `policy_loss`, `value_loss`, `entropy`,
               `approximate_kl`, `clip_fraction`, and `gradient_norm` before clipping;
-            - statistics of the rollout before normalisation: `advantage_mean`,
-              `advantage_deviation`, `value_mean`, `reward_mean`, `bonus_mean`, `bonus_max`,
-              `explained_variance`, and, if the bonus has a separate value head,
-              `bonus_explained_variance` (`bonus_explained_variance_1`, ... for several heads);
+            - statistics of the rollout: `reward_mean` of the environment's rewards; `bonus_mean`
+              and `bonus_max` of the bonus from which the agent learns, which is divided by its
+              deviation with `normalise_bonus` and multiplied by `bonus_reward`; and
+              `advantage_mean`, `advantage_deviation`, `value_mean`, `explained_variance` and, if
+              the bonus has a separate value head, `bonus_explained_variance`
+              (`bonus_explained_variance_1`, ... for several heads), for the rewards from which
+              it learns, before advantages are normalised in minibatches;
             - `learning_rate`, and the metrics of the bonus;
             - `diverged`, as in `TrainState`, if `on_divergence` is `"stop"`. The update of a
               diverged run is then undone.

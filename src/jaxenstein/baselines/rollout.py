@@ -106,6 +106,8 @@ def start(
         most, each = clocks
         steps = jax.random.randint(clock_key, (batch,), 0, jnp.maximum(most, 1), jnp.int32)
         state = at_times(state, steps * each)
+        # What a task shows may depend on its clock.
+        obs = simulator.final_observation(simulator.final_of(obs, state))
     return Actors(
         env_state=state,
         obs=obs,

@@ -150,8 +150,10 @@ def at_times(state: Any, times: jax.Array) -> Any:
 class GymnaxSimulator:
     """Environments with gymnax' interface: `step` returns six values and resets in the same step.
 
-    `info["final_observation"]` is the observation before a reset. If one step takes several world
-    steps and `max_steps_in_episode` counts world steps, the environment has `frame_skip`.
+    `info["final_observation"]` is the observation before a reset. No episode is truncated before
+    `max_steps_in_episode` steps; without this param, any step may truncate. If one step takes
+    several world steps and `max_steps_in_episode` counts world steps, the environment has
+    `frame_skip`.
     """
 
     def __init__(self, env: Any, params: Any) -> None:

@@ -17,7 +17,7 @@ from .opening import (
     named,
     printing_warnings,
 )
-from .train import INTERRUPTED, add_training, carry_out, open_run, spread
+from .train import INTERRUPTED, add_training, carry_out, openings, spread
 
 if TYPE_CHECKING:
     from ..baselines.runs.sweeps import Point
@@ -74,13 +74,9 @@ def run(options: argparse.Namespace) -> int:
     with printing_warnings():
         planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
-    folders = [
-        open_run(options.out / name, experiment, options.resume)
-        for name, experiment in planned.items()
-    ]
-    code = carry_out(folders, options)
+    code = carry_out(openings(options, planned), options)
     if code != INTERRUPTED:
-        print(table(sweeps.summary([folder.path for folder in folders])))
+        print(table(sweeps.summary([options.out / name for name in planned])))
     return code
 
 

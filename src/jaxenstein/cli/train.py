@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import math
 import os
 import shlex
@@ -105,11 +106,12 @@ def fill(parser: Parser) -> None:
 
 
 def add_training(parser: Parser) -> None:
-    """Add the flags that do not change the result of a run."""
-    how = parser.add_argument_group("execution (no effect on the result)")
+    """Add the flags of the execution, of which only --cores changes the result, by rounding."""
+    how = parser.add_argument_group("execution (no effect on the result, but for --cores)")
     flag(how, "--chunk K", "updates per call of the compiled program", whole(), 1)
     flag(how, "--save-every SECONDS", "seconds between checkpoints", real(0, 1e9), 60.0)
-    flag(how, "--cores N", "use N CPU cores, each with its own seeds", whole())
+    cores = "use N CPU cores, each with its own seeds; another N rounds differently"
+    flag(how, "--cores N", cores, whole())
     how.add_argument(
         "--minutes",
         type=_end_after,
@@ -201,7 +203,8 @@ def train_one(options: argparse.Namespace) -> int:
     modules = dict.fromkeys([*(options.modules or ()), *[module] * bool(colon)])
     again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
     again += [word for module in modules for word in (IMPORT, module)]
-    return carry_out([folder], options, shlex.join(again))
+    again += [] if options.cores is None else ["--cores", str(options.cores)]
+    return carry_out([lambda: folder], options, shlex.join(again))
 
 
 def train_suite(options: argparse.Namespace) -> int:
@@ -209,11 +212,25 @@ def train_suite(options: argparse.Namespace) -> int:
     check_links(options.out)
     with printing_warnings():
         planned = planned_suite(options.suite, given_training(options), options.budget)
-    folders = [
-        open_run(options.out / task, experiment, options.resume)
-        for task, experiment in planned.items()
-    ]
-    return carry_out(folders, options)
+    return carry_out(openings(options, planned), options)
+
+
+def openings(
+    options: argparse.Namespace, planned: Mapping[str, Experiment]
+) -> list[Callable[[], RunFolder]]:
+    """Functions that open or create the run directory of each of several trainings, by name.
+
+    Raises:
+        UsageError: a directory has a run, and `--resume` is not set.
+        SettingError: the run in a directory has another config.
+    """
+    found = []
+    for name, experiment in planned.items():
+        path = options.out / name
+        if os.path.exists(path / baselines("folder").CONFIG):
+            open_run(path, experiment, options.resume)
+        found.append(functools.partial(open_run, path, experiment, options.resume))
+    return found
 
 
 def open_run(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
@@ -257,14 +274,14 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
 
 def carry_out(
-    folders: Sequence[RunFolder],
+    folders: Sequence[Callable[[], RunFolder]],
     options: argparse.Namespace,
     again: str = "the same command with --resume",
 ) -> int:
     """Train in one run directory after the other, until the end or a signal.
 
     Args:
-        folders: the run directories.
+        folders: functions that open the run directories; each is called when its turn comes.
         options: of the command.
         again: the command that continues, for the message.
 
@@ -274,9 +291,9 @@ def carry_out(
     """
     codes = []
     with stopping() as stop:
-        for folder in folders:
-            codes.append(_carry_out(folder, options, stop))
-            if codes[-1] == INTERRUPTED or (stop() and folder is not folders[-1]):
+        for opening in folders:
+            codes.append(_carry_out(opening(), options, stop))
+            if codes[-1] == INTERRUPTED or (stop() and opening is not folders[-1]):
                 print(f"stopped; to continue: {again}", file=sys.stderr)
                 return INTERRUPTED
     return min(codes)

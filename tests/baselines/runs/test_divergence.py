@@ -168,7 +168,7 @@ def test_plot_counts_diverged_seeds(tmp_path: Path) -> None:
     ]
     (folder.path / METRICS).write_text("".join(json.dumps(row) + "\n" for row in rows))
     (curve,) = curves_of(folder.path, "steps")
-    assert curve.diverged == 1
+    assert curve.diverged == (2,)
     legend = plot([curve], "steps").axes[0].get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["run (3 runs, 1 diverged)"]

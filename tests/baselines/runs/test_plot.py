@@ -210,7 +210,16 @@ def test_incomplete_row_of_times_is_cut_off(folder: Path) -> None:
         Timing(folder, 32, 1).write(2)
         text = (folder / "timing.jsonl").read_text()
         assert text.startswith(whole)
-        assert [json.loads(row)["update"] for row in text[len(whole) :].splitlines()] == [2]
+        assert [json.loads(row)["update"] for row in text[len(whole) :].splitlines()] == [1, 2]
+
+
+def test_times_of_sessions_add_up(folder: Path) -> None:
+    """Also if the second session needs longer for its first row than the whole first one."""
+    (folder / "timing.jsonl").write_text('{"update": 1, "seconds": 5}\n')
+    Timing(folder, 32, 1)
+    with (folder / "timing.jsonl").open("a") as file:
+        file.write('{"update": 2, "seconds": 30}\n')
+    assert read_seconds(folder, 2).tolist() == [5, 35]
 
 
 def test_figure_shows_measured_values(folder: Path) -> None:

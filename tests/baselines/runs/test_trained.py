@@ -193,6 +193,15 @@ def test_damaged_and_missing_files_are_refused(
         load_policy(tmp_path / "none.npz")
     with pytest.raises(SettingError, match=r"agent\.zip should end in \.npz"):
         export_policy(folder.path, tmp_path / "agent.zip")
+    wrong: Any
+    for wrong, told in (
+        ({"weights": "float64"}, "weights must be one of 'float16', 'float32', not 'float64'"),
+        ({"episodes": 0}, "episodes must be a whole number >= 1, not 0"),
+        ({"seed": -1}, "a seed must be a whole number from 0"),
+    ):
+        with pytest.raises(SettingError, match=told):
+            export_policy(folder.path, tmp_path / "agent.npz", **wrong)
+    assert not (tmp_path / "agent.npz").exists()
 
 
 @pytest.mark.parametrize("name", list(pretrained()))

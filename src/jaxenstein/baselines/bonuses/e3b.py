@@ -66,7 +66,8 @@ class E3B:
 
     phi embeds the observation after a step. It has unit length: otherwise lengths grow in training,
     and only the first steps of an episode get a bonus. The first observation of an episode counts
-    as seen. The bonus is added to the reward, or has a separate value head.
+    as seen, except in the first episode of a training. The bonus is added to the reward, or has a
+    separate value head.
 
     Attributes:
         spec: the arrays of an observation.

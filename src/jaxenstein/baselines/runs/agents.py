@@ -6,14 +6,15 @@ import dataclasses
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import jax
 import numpy as np
 
+from ...episodes.session import check_seed
 from ...errors import SettingError, quoted
 from ...evaluation import episodes_done
-from ...fields import is_whole
+from ...fields import Domain, check_value, check_whole, is_whole
 from ...files import check_writable
 from ...params import split_ranges
 from ...results import GAME, Results
@@ -80,13 +81,17 @@ def export_policy(
         The results of the episodes, by `"greedy"` and `"sampled"`.
 
     Raises:
-        SettingError: as in `load_policy`, or a file name has the wrong suffix, or a parameter is
-            not finite in `weights`, or the program needs flatbuffers and it is not installed.
+        SettingError: as in `load_policy`, or an argument is out of range, or a file name has the
+            wrong suffix, or a parameter is not finite in `weights`, or the program needs
+            flatbuffers and it is not installed.
         OutputError: a file cannot be written.
 
     Warns:
         DivergenceWarning: as in `load_policy`.
     """
+    check_value("weights", Domain("choice", choices=get_args(Weights)), weights)
+    check_whole("episodes", episodes, 1)
+    check_seed(seed)
     out = Path(out)
     if out.suffix != SUFFIX:
         raise SettingError(f"{out} should end in {SUFFIX}")

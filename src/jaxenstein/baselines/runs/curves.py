@@ -64,14 +64,14 @@ class Curve:
         values: float64[runs, points]; NaN where no episode ended.
         over: label of the horizontal axis: "decisions", "minutes", or "steps" in a file of another
             program.
-        diverged: number of runs that diverged; after that they have no values.
+        diverged: the rows of `values` that diverged; after that they have no values.
     """
 
     label: str
     at: np.ndarray
     values: np.ndarray
     over: str = "decisions"
-    diverged: int = 0
+    diverged: tuple[int, ...] = ()
 
 
 def curves_of(
@@ -137,8 +137,8 @@ def _label(path: Path, grid: Sequence[str], run: Mapping[str, float | int]) -> s
     return ", ".join([name, *(f"{number} {exact(run[number])}" for number in grid)])
 
 
-def _diverged(runs: Sequence[Sequence[Row]]) -> int:
-    return sum(any(row.get(METRIC) for row in rows) for rows in runs)
+def _diverged(runs: Sequence[Sequence[Row]]) -> tuple[int, ...]:
+    return tuple(number for number, rows in enumerate(runs) if any(row.get(METRIC) for row in rows))
 
 
 def _pooled_runs(
@@ -241,7 +241,8 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         mean, low, high = band(curve.values)
         there = ~np.isnan(mean)
         many = [f"{runs} runs"] * (runs > 1)
-        many += [f"{curve.diverged} diverged" if runs > 1 else "diverged"] * bool(curve.diverged)
+        lost = len(curve.diverged)
+        many += [f"{lost} diverged" if runs > 1 else "diverged"] * bool(lost)
         count = f" ({', '.join(many)})" if many else ""
         # A line through a single point would be invisible.
         marker = "o" if np.sum(there) == 1 else ""

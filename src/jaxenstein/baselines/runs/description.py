@@ -7,6 +7,7 @@ from typing import Any
 import jax
 
 from ...convolution import output_size
+from ...params import split_ranges
 from ..learner import Learner
 from ..networks import MEAN, layers_for
 from ..observations import Part
@@ -100,7 +101,8 @@ def described(learner: Learner) -> dict[str, Any]:
 
 def _inputs(learner: Learner) -> list[dict[str, Any]]:
     """The parts of an observation as network inputs, and the previous action."""
-    shapes = jax.eval_shape(learner.env.reset, jax.random.key(0), learner.env_params)[0]
+    params = split_ranges(learner.env_params)[0]
+    shapes = jax.eval_shape(learner.env.reset, jax.random.key(0), params)[0]
     paths = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(shapes)]
     found, images, vectors = [], iter(range(len(paths))), iter(range(len(paths)))
     shapes = iter(learner.spec.images)

@@ -171,6 +171,8 @@ class Timing:
     def __init__(self, folder: Path, steps: int, update: int) -> None:
         """Start the clock at an update; `steps` is the number of steps per update, over all runs.
 
+        A session begins with a row of no seconds, unless it is the first.
+
         Raises:
             OutputError: the file cannot be written.
         """
@@ -181,6 +183,7 @@ class Timing:
             # An interrupted writer may have left an incomplete row.
             with writing(self._path), self._path.open("r+b") as file:
                 file.truncate(file.read().rfind(b"\n") + 1)
+            append(self._path, json.dumps({"update": update, "seconds": 0.0}) + "\n")
 
     def write(self, update: int) -> None:
         """Append the seconds since the start, and the rate since the last row."""

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from ...errors import SettingError
 from ...fields import check_names
 from ...files import atomic, check_writable
+from ...params import split_ranges
 from ..learner import PolicyCarry
 from ..state import wrap_key
 from .policies import TrainedPolicy
@@ -65,7 +66,8 @@ def write_program(
 
     check_program(path)
     check_names(platforms, KNOWN, "platform")
-    obs, _ = jax.eval_shape(agent.env.reset, jax.random.key(0), agent.params)
+    params = split_ranges(agent.params)[0]
+    obs, _ = jax.eval_shape(agent.env.reset, jax.random.key(0), params)
     one = _plain(agent.initial_carry()), obs, jax.ShapeDtypeStruct((2,), jnp.uint32)
     (number,) = export.symbolic_shape("N")
     many = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((number, *leaf.shape), leaf.dtype), one)

@@ -104,9 +104,8 @@ def summary(folders: Sequence[Path]) -> list[Point]:
             Point(
                 earned.label,
                 len(earned.values),
-                earned.diverged,
-                _last(earned.values),
-                _last(success.values),
+                len(earned.diverged),
+                *(_last(np.delete(one.values, one.diverged, 0)) for one in (earned, success)),
             )
             for earned, success in zip(*curves, strict=True)
         ]
