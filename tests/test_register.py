@@ -261,4 +261,4 @@ def test_gymnasium_knows_registered_ids(order: str) -> None:
         "assert 'jaxenstein/my-task-v2' not in gymnasium.registry\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout.strip() == "(6, 8, 3)", done.stderr
+    assert (done.stdout.strip(), done.returncode) == ("(6, 8, 3)", 0), done.stderr

@@ -17,6 +17,7 @@ pytest.importorskip("matplotlib")
 from docs import measured, other_pages, suite_baselines
 from jaxenstein import suite
 from jaxenstein.cli import main
+from jaxenstein.cli.arguments import flag_of
 from jaxenstein.comparison import run_returns, run_scores
 from jaxenstein.intervals import mean_interval
 from jaxenstein.results import Results, read_results, write_results
@@ -126,7 +127,7 @@ def test_an_algorithm_is_added_from_its_runs(
     page.write_text(PAGE)
     monkeypatch.setattr(measured, "SUITE", page)
     sizes = {"num_envs": 4, "rollout": 32, "minibatches": 2, "features": 8, "hidden": 8, "head": 8}
-    flags = [f"--{name.replace('_', '-')}={value}" for name, value in sizes.items()]
+    flags = [f"{flag_of(name)}={value}" for name, value in sizes.items()]
     train = ["train", "--suite", "--algo", "e3b", *flags]
     planned = suite_baselines.planned
     monkeypatch.setattr(

@@ -85,14 +85,16 @@ def test_ranges_of_params_do_not_matter_in_the_game() -> None:
     found = []
     for other in ({}, {"damage_factor": (0.0, 2.0)}):
         spec = dataclasses.replace(about.environment, params={"max_steps_in_episode": 40, **other})
-        ranged = dataclasses.replace(
+        agents = dataclasses.replace(
             trained, experiment=dataclasses.replace(about, environment=spec)
         )
-        found.append(evaluate_in_game(ranged, episodes=1))
-        assert other_pictures.returns(ranged, "clean", 1, False).shape == (1, 1)
-    assert (found[0].returns == found[1].returns).all()
-    assert found[1].environment.params == {"max_steps_in_episode": 40}
-    assert found[1].in_game
+        clean = other_pictures.returns(agents, "clean", 1, False)
+        found.append((evaluate_in_game(agents, episodes=1), clean))
+    (plain, plain_clean), (ranged, ranged_clean) = found
+    assert (plain.returns == ranged.returns).all()
+    assert (plain_clean == ranged_clean).all()
+    assert ranged.environment.params == {"max_steps_in_episode": 40}
+    assert ranged.in_game
 
 
 def test_errors_are_lines(capsys: pytest.CaptureFixture[str]) -> None:
