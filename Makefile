@@ -24,8 +24,8 @@ PIP = $(BIN)/python -m pip install --disable-pip-version-check $$([ -t 1 ] || ec
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test test-all trainings coverage check docs demo bench compare partners lanes fuzz \
-	endurance clean
+.PHONY: help setup test test-slow test-all trainings coverage check docs demo bench compare partners \
+	lanes fuzz endurance clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
@@ -36,9 +36,12 @@ setup: $(VENV)/.dev ## create .venv with everything for tests and checks
 test: $(VENV)/.dev ## run the tests for every change, in a few minutes
 	$(PYTEST) --quick $(ARGS)
 
+test-slow: $(VENV)/.dev ## run the slow tests that make test leaves out
+	$(PYTEST) -m "(slow or optimised) and not (variant or training)" $(ARGS)
+
 test-all: $(VENV)/.dev ## run all tests on every environment, except those that train agents
 	$(PYTEST) --quick -m "variant or not (slow or training)" $(ARGS)
-	$(PYTEST) -m "(slow or optimised) and not (variant or training)" $(ARGS)
+	$(MAKE) test-slow
 
 trainings: $(VENV)/.dev ## run the tests that train agents
 	$(PYTEST) -m training $(ARGS)
