@@ -104,6 +104,10 @@ def test_impossible_settings_are_refused() -> None:
         Shooter(text=DEN, ammo=-1)
     with pytest.raises(SettingError, match="heading must be"):
         Shooter(text=DEN, heading=4000)
+    with pytest.raises(SettingError, match="wad is only for Doom's scenarios"):
+        Shooter(text=DEN, wad="a.wad")
+    with pytest.raises(SettingError, match="samples is only for Doom's scenarios"):
+        Shooter(text=DEN, samples=2)
     assert repr(Shooter(text=DEN, heading=90)) == "Shooter('custom', heading=90)"
 
 

@@ -60,7 +60,7 @@ class HealthGatheringParams(SteeringParams):
 
     max_steps_in_episode: Scalar = 2100
     discount: Scalar = 0.99
-    damage: Scalar = number(8, 0)
+    damage: Scalar = number(8, 0, 99)
     damage_period: Scalar = number(32, 1)
     heal: Scalar = number(25, 1)
     medkits: Scalar = number(17, 0, MOST_AT_FIRST)

@@ -51,7 +51,7 @@ class MazePlan:
     """A distribution of mazes.
 
     Attributes:
-        size: rows and columns, including the border: an odd number from 7 to 63.
+        size: rows and columns, including the border: an odd number from 5 to 63.
         rooms: the largest number of rooms.
         least: the shortest side of a room in cells, odd, at least 3.
         most: the longest side, odd.

@@ -183,6 +183,38 @@ def test_wrong_settings_are_refused(
         jaxenstein.make(name, **settings)
 
 
+@pytest.mark.usefixtures("pictures")
+def test_labels_have_no_things_of_the_games_look_alone() -> None:
+    """In an empty Deathmatch that look adds copies of the player and items that nobody can take."""
+    images = []
+    for look in ("plain", "game"):
+        env: Any
+        env, params = jaxenstein.make(
+            "doom-deathmatch", look=look, observation="labels", height=48, width=64
+        )
+        state = env.first_state(jax.random.key(0), params)
+        position = jnp.array([200 * ONE, 700 * ONE], jnp.int32)
+        state = env.at_pose(state, position, jnp.zeros(2, jnp.int32), jnp.uint32(1 << 29))
+        images.append(np.asarray(jax.jit(env.observe)(state, params)))
+    np.testing.assert_array_equal(*images)
+    corridor: Any = jaxenstein.make("doom-deadly-corridor", look="game")[0]
+    pictures = {look.sprite: look.picture for look in corridor.game.looks}
+    assert pictures["CLIP"] == pictures["SHOT"] == -1
+
+
+@pytest.mark.usefixtures("pictures")
+def test_weapon_of_the_game_is_not_painted_over() -> None:
+    images = []
+    for shown in (False, True):
+        env: Any
+        env, params = jaxenstein.make(
+            "doom-basic", look="game", show_weapon=shown, height=48, width=64
+        )
+        state = env.first_state(jax.random.key(0), params)
+        images.append(np.asarray(jax.jit(env.observe)(state, params)))
+    np.testing.assert_array_equal(*images)
+
+
 def test_eye_bobs_and_view_flashes_gold_when_armour_is_taken(pictures: Wad) -> None:
     env, params = made(64, 48)
     action = jnp.int32(env.action_names.index("forward"))

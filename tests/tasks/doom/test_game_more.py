@@ -9,9 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxenstein
 from jaxenstein.tasks.doom.deathmatch_look import Fog
 from jaxenstein.tasks.doom.drops import Drops
 from jaxenstein.tasks.doom.fixed import ONE
+from jaxenstein.tasks.doom.game_things import Views
 from jaxenstein.tasks.doom.game_weapon import WEAPON_LOOKS, held, pictures_of
 from jaxenstein.tasks.doom.monster_kinds import CHAINGUN_GUY, SHOTGUN_GUY, ZOMBIE
 from jaxenstein.tasks.doom.monsters import Horde
@@ -119,3 +121,13 @@ def test_what_monsters_drop_lies_near_them_and_out_of_reach() -> None:
         one = drops.shown(State, jnp.int32(0))
         assert one.visible.tolist() == [there] * 3
     assert [drops.looks[look].sprite for look in one.looks.tolist()] == ["SHOT", "CLIP", "MGUN"]
+
+
+def test_things_of_the_games_look_alone_have_no_shape_in_labels_and_depth() -> None:
+    env: Any = jaxenstein.make("doom-basic")[0]
+    theme = env.theme
+    views = Views(np.arange(2), np.zeros(2, bool), np.array([0, 1, 1]), [])
+    art = np.asarray(views.themed(theme, np.array([0, -1])).sprite_art)
+    np.testing.assert_array_equal(art[0], theme.sprite_art[0])
+    assert art[0].any()
+    assert not art[1:].any()

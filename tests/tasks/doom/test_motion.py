@@ -1,5 +1,6 @@
 """The motion in JAX beside plain Python integers, and beside the game itself."""
 
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -12,6 +13,7 @@ from fidelity.doom_recording import load
 from jaxenstein.tasks.doom.collision import build_geometry, load_geometry
 from jaxenstein.tasks.doom.maps import Line, ends_of, load_map, parse_map
 from jaxenstein.tasks.doom.physics import Body, Buttons, numbered, tic
+from jaxenstein.tasks.doom.slide import first_wall
 from tests.reference.doom import ONE, Player, Wall, World
 
 RECORDINGS = Path(__file__).parent / "recordings"
@@ -155,6 +157,26 @@ def test_actions_are_numbered_as_in_the_wrapper() -> None:
 def test_maps_round_trip_through_text(name: str) -> None:
     doom_map = load_map(name)
     assert parse_map(doom_map.text()) == doom_map
+
+
+def test_far_walls_do_not_change_where_a_body_stops() -> None:
+    """With thousands of walls, also if those of the body's blocks come last."""
+    near, corner = Line(64, 256, 64, 0, "-"), Line(0, 0, 16, 0, "-")
+    far = [
+        Line(1024 + 64 * column, 1024 + 64 * row, 1088 + 64 * column, 1024 + 64 * row, "-")
+        for row in range(50)
+        for column in range(62)
+    ]
+    here = jnp.array([40 * ONE, 100 * ONE], jnp.int32)
+    draw = np.random.default_rng(0)
+    moves = draw.integers((8 * ONE, -9 * ONE), (12 * ONE, 9 * ONE), (200, 2)).astype(np.int32)
+    ends = []
+    for walls in ([near, corner], [near, corner, *far], [corner, *far, near]):
+        meet = jax.jit(jax.vmap(partial(first_wall, build_geometry(walls), here)))
+        ends.append(meet(jnp.asarray(moves)))
+    assert ends[0][0].all()
+    for other in ends[1:]:
+        jax.tree.map(np.testing.assert_array_equal, ends[0], other)
 
 
 def test_walls_off_the_lattice_are_refused() -> None:

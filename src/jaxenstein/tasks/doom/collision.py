@@ -25,7 +25,9 @@ REACH = RADIUS + THING_RADIUS
 """Along both axes, the player touches things that are nearer than this, in map units."""
 CELL_BITS = 20
 BLOCK_BITS = 23
-"""The width in map units of a block of the game's index of lines, and of a cell here."""
+"""The bits of the width, in 16.16, of a cell here, and of a block of the game's index of lines."""
+ORDER_BITS = 7
+"""The bits of the number of a wall in its window."""
 LATTICE = 1 << (CELL_BITS - 16)
 # A body overlaps at most 2 by 2 blocks with everything that it may touch in a tic: a window.
 WINDOW = 2
@@ -53,7 +55,7 @@ class Geometry:
             those with a single y. A coordinate is behind the wall if `SIGN` times it is at least
             `EDGE`; the wall is at `PLACE`. Bit i + 2 j of `MEMBERS` says whether block (i, j) of
             the window contains it, repeated five times at intervals of 4 bits. `ORDER` is its
-            number. With fewer than L walls, nothing is ever behind the last entries.
+            number in the window. With fewer than L walls, nothing is ever behind the last entries.
     """
 
     origin: np.ndarray
@@ -126,11 +128,14 @@ def _windows(ends: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         near.append(within.astype(int))
     members = np.einsum("wci,wrj,ij->crw", *near, 1 << (steps[:, None] + WINDOW * steps))
     lists: dict[tuple[int, int, int], list[list[int]]] = {}
+    # The place of each wall among those of its window.
+    order = np.cumsum(members > 0, axis=-1) - 1
+    assert order.max() < 1 << ORDER_BITS
     for column, row, number in np.argwhere(members).tolist():
-        line = ends[number]
+        line, index = ends[number], (column, row, number)
         axis = int(line[0, 0] != line[1, 0])
-        held = int(members[column, row, number]) * _EACH_VISIT
-        lists.setdefault((column, row, axis), []).append([*_side(line, axis), held, number])
+        entry = [*_side(line, axis), int(members[index]) * _EACH_VISIT, int(order[index])]
+        lists.setdefault((column, row, axis), []).append(entry)
     longest = max(map(len, lists.values()))
     table = np.zeros((*counts, 2, longest, 5), np.int32)
     table[..., EDGE] = _NEVER

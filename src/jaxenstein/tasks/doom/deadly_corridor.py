@@ -61,7 +61,7 @@ class DoomCorridorParams(FightParams):
     way_reward: Scalar = 1.0
     kill_reward: Scalar = 0.0
     monster_health: Scalar = number(1, 1)
-    damage_factor: Scalar = number(2.0, 0)
+    damage_factor: Scalar = number(2.0, 0, 1000)
 
 
 class DoomCorridorState(FightState):

@@ -124,9 +124,6 @@ class DoomDeathmatch(DoomScenario[DoomMatchState, DoomMatchParams]):
     each monster that dies, by its kind, whoever killed it. Death terminates the episode.
     """
 
-    # A second thing behind the first is hardly visible, except for the many things in the rooms.
-    sprite_layers: int = 4
-
     params_class: ClassVar[type[Params]] = DoomMatchParams
     takes_game_look: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (

@@ -60,7 +60,6 @@ class Fog(Part):
     @property
     def looks(self) -> tuple[Look, ...]:
         """The game's pictures."""
-        # In other images there is no fog, so any picture will do.
         return tuple(Look("TFOG", letter, True, ADD, picture=-1) for letter in _PICTURES)
 
     def shown(self, state: Any, tic: jax.Array) -> Shown:

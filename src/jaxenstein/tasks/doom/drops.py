@@ -46,7 +46,6 @@ class Drops(Part):
     @property
     def looks(self) -> tuple[Look, ...]:
         """The game's pictures."""
-        # In other images there are no such things, so any picture will do.
         return tuple(Look(sprite, picture=-1) for sprite in self._sprites)
 
     def shown(self, state: Any, tic: jax.Array) -> Shown:

@@ -40,7 +40,7 @@ class FightParams(Params):
         damage_factor: factor on all damage to the player.
     """
 
-    damage_factor: Scalar = number(1.0, 0)
+    damage_factor: Scalar = number(1.0, 0, 1000)
 
 
 class FightState(DoomState):

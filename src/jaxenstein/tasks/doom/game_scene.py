@@ -23,7 +23,9 @@ from .pose import DoomState, game_tic, to_tiles
 from .wad import find_iwad
 
 
-def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bool) -> None:
+def check_game_look(
+    look: str, wad: str | None, samples: int, *, takes_patterns: bool, takes_game_look: bool
+) -> None:
     """Raise if a scenario cannot have a look, or has settings of another look.
 
     Args:
@@ -31,6 +33,7 @@ def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bo
         wad: the setting.
         samples: the setting.
         takes_patterns: whether the tiles are large enough for patterns.
+        takes_game_look: whether the scenario has the game's pictures.
 
     Raises:
         SettingError: `look`, `wad` or `samples` does not fit.
@@ -40,11 +43,16 @@ def check_game_look(look: str, wad: str | None, samples: int, takes_patterns: bo
             "look must be 'plain', 'random' or 'game' in Doom's scenarios, whose tiles are too "
             f"small for patterns, not {look!r}"
         )
-    on_screen = ("game",) if takes_patterns else ("game", "random")
+    game = ("game",) if takes_game_look else ()
+    on_screen = game if takes_patterns else (*game, "random")
     for name, given, default, looks in (
-        ("wad", wad, None, ("game",)),
+        ("wad", wad, None, game),
         ("samples", samples, 1, on_screen),
     ):
+        if given != default and not looks:
+            raise SettingError(
+                f"{name} is only for Doom's scenarios, not for shooters: leave it out"
+            )
         if given != default and look not in looks:
             raise SettingError(
                 f"{name} needs look={' or '.join(map(repr, looks))}: set that too, not "
@@ -155,6 +163,9 @@ def read_game_look(
 def _looks(parts: Sequence[Part]) -> tuple[Look, ...]:
     looks, first = [], 0
     for part in parts:
-        looks += [dataclasses.replace(one, picture=one.picture + first) for one in part.looks]
+        looks += [
+            one if one.picture < 0 else dataclasses.replace(one, picture=one.picture + first)
+            for one in part.looks
+        ]
         first += sum(len(thing.pictures) for thing in part.objects)
     return tuple(looks)

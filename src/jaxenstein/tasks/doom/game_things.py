@@ -32,7 +32,7 @@ class Look:
         blend: how it meets what is behind it (`engine.textures`).
         height: of the thing above the floor, in map units.
         picture: the picture that shows the thing in images of labels and depth, counted over the
-            part's objects.
+            part's objects; -1 if those images do not have the thing.
         green: whether a marine keeps the green of the picture, as the player does.
     """
 
@@ -264,11 +264,13 @@ class Views(NamedTuple):
 
         Args:
             theme: the theme.
-            pictures: int[L], the row of the theme for each look.
+            pictures: int[L], the row of the theme for each look; -1 for an empty picture.
         """
         rows = pictures[self.look]
         names = "sprite_art", "sprite_colours", "sprite_radius", "sprite_drop", "sprite_labels"
-        return theme.replace(**{name: getattr(theme, name)[rows] for name in names})
+        tables = {name: getattr(theme, name)[rows] for name in names}
+        tables["sprite_art"][rows < 0] = 0
+        return theme.replace(**tables)
 
 
 def read_views(wad: Wad, looks: Sequence[Look]) -> Views:

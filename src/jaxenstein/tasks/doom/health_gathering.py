@@ -77,7 +77,7 @@ class DoomHealthParams(Params):
 
     max_steps_in_episode: Scalar = 2100
     discount: Scalar = 0.99
-    damage: Scalar = number(8, 0)
+    damage: Scalar = number(8, 0, 99)
     damage_period: Scalar = number(32, 1)
     living_reward: Scalar = 1.0
     death_penalty: Scalar = 100.0
@@ -91,7 +91,8 @@ class DoomHealthState(DoomState):
         health: int32[], 0 to 100.
         places: int32[N, 2], map units in 16.16, of things kind by kind.
         present: bool[N], which things are present.
-        number: int32[N], the order in which things appeared; the game takes the newest first.
+        number: int32[N], the order in which things appeared; the game takes the newest first. If
+            all places of a kind are taken, a new thing replaces the oldest.
     """
 
     health: jax.Array

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -100,18 +100,6 @@ def only(state: Any, shown: jax.Array) -> Any:
     return state.replace(monsters=monsters.replace(health=health))
 
 
-class Hunted(Protocol):
-    """The methods of a scenario that the player `hunt` needs; M is the number of things."""
-
-    def to_fetch(self, state: Any) -> tuple[jax.Array, jax.Array]:
-        """int32[M, 2], positions of things; bool[M], which of them the player should fetch."""
-        ...
-
-    def next_tiles(self, state: Any) -> jax.Array:
-        """bool[rows, columns]: the tiles to go to otherwise."""
-        ...
-
-
 def tiles_of(
     env: DoomScenario[Any, Any], places: np.ndarray | jax.Array, which: np.ndarray | jax.Array
 ) -> jax.Array:
@@ -122,7 +110,14 @@ def tiles_of(
 
 
 def hunt(env: Any, params: Any) -> Choose:
-    """Shoot the nearest visible monster; otherwise fetch things (`to_fetch`), or walk on."""
+    """Shoot the nearest visible monster; otherwise fetch things, or walk on.
+
+    Args:
+        env: a scenario with two methods for this player. `to_fetch(state)` returns int32[M, 2],
+            positions of things, and bool[M], which of them to fetch; `next_tiles(state)` returns
+            bool[rows, columns], the tiles to go to otherwise.
+        params: its params.
+    """
     fight, walk = turn_and_shoot(env, params), walker(env)
     floor = jnp.asarray(np.pad(open_tiles(env.tilemap), 1))
 

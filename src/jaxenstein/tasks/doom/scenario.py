@@ -70,14 +70,15 @@ class DoomScenario(FirstPerson[S, P]):
         hud: show health and ammunition as bars in a strip below the view, which becomes shorter by
             as much; only for images of colours or greys.
         show_weapon: show the weapon in the player's hands, and the flash of its shots, as the game
-            does by default; only for images of colours or greys.
+            does by default; only for images of colours or greys. With `look="game"`, its own
+            weapon is always there.
         look: `"plain"`: one colour for each texture. `"game"`: the game's pictures from a WAD file,
             with its placement and light, and an eye that bobs while the player walks. Frames with
             the aspect ratio 4:3 and at least 160 columns show what the game shows on a screen of
-            that size. Other frames are pixels of its screen of 320 by 240: 64x48 has the middle one
-            of every 5x5. `"random"`: placement, light and bobbing are those of the game, but each
-            episode draws one of 32 patterns for each texture of walls, floor and ceiling, and one
-            of four shades for each kind of thing. It needs no WAD file.
+            that size, unless `samples=2`. Other frames are pixels of its screen of 320 by 240: 64x48
+            has the middle one of every 5x5. `"random"`: placement, light and bobbing are those of
+            the game, but each episode draws one of 32 patterns for each texture of walls, floor and
+            ceiling, and one of four shades for each kind of thing. It needs no WAD file.
         samples: with `look="game"` or `"random"`, 2 for the mean of two adjacent pixels of the
             screen.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for the file of Freedoom, which
@@ -107,7 +108,13 @@ class DoomScenario(FirstPerson[S, P]):
             # The absolute path, so that the environment is the same in another folder.
             object.__setattr__(self, "wad", str(Path(self.wad).expanduser().resolve()))
         super().__post_init__()
-        check_game_look(self.look, self.wad, int(self.samples), self.takes_patterns)
+        check_game_look(
+            self.look,
+            self.wad,
+            int(self.samples),
+            takes_patterns=self.takes_patterns,
+            takes_game_look=self.takes_game_look,
+        )
         if self.look == "game":
             # Read the pictures now: a damaged file is an error here, not in the first step.
             assert self.game.theme.textures is not None
@@ -297,7 +304,8 @@ class DoomScenario(FirstPerson[S, P]):
     def draw(self, state: S, params: P, kind: ImageKind) -> jax.Array:
         """Add the weapon and the strip."""
         image = super().draw(state, params, kind)
-        if self.show_weapon:
+        # The game's look has a weapon of its own.
+        if self.show_weapon and self.look != "game":
             for part in self.parts:
                 image = part.show(image, state, kind)
         return jnp.concatenate([image, self.strip(state, kind)]) if self.hud else image

@@ -23,6 +23,7 @@ from .collision import (
     EDGE,
     MEMBERS,
     ORDER,
+    ORDER_BITS,
     PLACE,
     RADIUS,
     SIGN,
@@ -43,8 +44,8 @@ _BLOCK = 1 << BLOCK_BITS
 # The slope of a coordinate across a border that the trace does not cross: practically parallel.
 _PARALLEL = 256 * ONE
 # The parts of the keys that order the lines met; see `_nearest`.
-_ORDER_BITS, _RANK_BITS, _GAP_OFFSET = 7, 3, 16
-_KEY_BITS = _ORDER_BITS + _RANK_BITS
+_RANK_BITS, _GAP_OFFSET = 3, 16
+_KEY_BITS = ORDER_BITS + _RANK_BITS
 _TRACE_BITS = 2
 _NONE = 2**31 - 1
 
@@ -176,7 +177,7 @@ def _nearest(
     slack = length >> 17
     met = (behind[0] != behind[1]) & ~behind[2] & (seen != 0)
     met = met & (gap >= -slack) & (gap <= length + slack)
-    key = (gap + _GAP_OFFSET) << _KEY_BITS | rank << _ORDER_BITS | order
+    key = (gap + _GAP_OFFSET) << _KEY_BITS | rank << ORDER_BITS | order
     return jnp.min(jnp.where(met, key, _NONE), axis=1), jnp.abs(way)
 
 

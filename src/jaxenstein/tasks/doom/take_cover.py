@@ -52,7 +52,7 @@ class DoomCoverParams(FightParams):
     discount: Scalar = 0.99
     living_reward: Scalar = 1.0
     period: Scalar = number(60, 1)
-    damage_factor: Scalar = number(7.0, 0)
+    damage_factor: Scalar = number(7.0, 0, 1000)
 
 
 class DoomCoverState(FightState):
