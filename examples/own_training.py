@@ -20,6 +20,7 @@ import optax
 import jaxenstein
 from examples.ppo import Settings
 from examples.recurrent_ppo import Network, Trainer, policy_of
+from jaxenstein import suite
 
 Log = Callable[[int, Mapping[str, float]], object]
 
@@ -28,6 +29,7 @@ def parse(description: str, argv: Sequence[str] | None) -> argparse.Namespace:
     """The flags of both examples."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--env", default="miniworld-hallway", help="an id (default %(default)s)")
+    parser.add_argument("--task", help="a task of the benchmark, instead of --env and --size")
     numbers = {"size": (16, "pixels a side"), "hidden": (64, "size of the memory"),
                "envs": (32, "environments"), "steps": (64, "steps per rollout"),
                "updates": (60, "updates"), "every": (10, "updates between checkpoints"),
@@ -39,8 +41,13 @@ def parse(description: str, argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def make_env(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Make the environment; the step after the end of an episode resets it."""
+def make_env(options: argparse.Namespace, *, test: bool = False) -> tuple[Any, Any]:
+    """Make the environment; the step after the end of an episode resets it.
+
+    A task of the benchmark may have other levels for the test.
+    """
+    if options.task is not None:
+        return suite.make(options.task, test=test, autoreset="next-step")
     size = {"height": options.size, "width": options.size}
     return jaxenstein.make(options.env, autoreset="next-step", **size)
 
@@ -113,7 +120,9 @@ def run(
             save(options.out / name, training.weights)
     start = jnp.zeros(options.hidden), jnp.bool_(True)
     policy = policy_of(network, training.weights)
-    results = jaxenstein.evaluate(*world, policy, start, options.episodes, seed=1, name=name)
+    # All seeds play the same episodes.
+    tested, run = make_env(options, test=True), f"{name}-{options.seed}"
+    results = jaxenstein.evaluate(*tested, policy, start, options.episodes, seed=1, name=run)
     jaxenstein.write_results(options.out / f"{name}.json", [results])
     print(results.summary())
     return training.weights, results

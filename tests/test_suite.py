@@ -55,6 +55,15 @@ def test_generalisation_tasks_are_tested_on_test_levels():
 
 def test_environments_reset_themselves():
     assert {suite.make("simple", test=test)[0].autoreset for test in (False, True)} == {"same-step"}
+    assert suite.make("simple", final_observation=True)[0].final_observation
+    assert suite.make("simple", autoreset="next-step")[0].autoreset == "next-step"
+    with pytest.raises(SettingError, match="final_observation=True needs autoreset='same-step'"):
+        suite.make("simple", autoreset=None, final_observation=True)
+
+
+def test_environments_have_the_names_of_their_tasks():
+    for task in suite.TASKS:
+        assert suite.make(task.id)[0].name == task.id
 
 
 def test_wrong_names_are_refused():

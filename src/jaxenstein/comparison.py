@@ -204,7 +204,8 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
             if name in seen:
                 raise SettingError(
                     f"{policy} on {first.task}: the run {quoted(name)} is both in {seen[name]} and "
-                    f"in {entry.path}; if these are two policies, give each its own --label"
+                    f"in {entry.path}; give each seed of a policy its own name (`name` or --name "
+                    "of evaluate), and each policy its own --label"
                 )
             seen[name] = entry.path
     arrays = {

@@ -16,7 +16,7 @@ from .errors import SettingError, nearest, quoted
 from .fields import Domain, check_value
 
 if TYPE_CHECKING:
-    from .environment import AnyEnvironment
+    from .environment import AnyEnvironment, Autoreset
     from .results import Results
     from .spec import Spec
 
@@ -96,7 +96,7 @@ class Suite:
 
 
 TASKS = (
-    Task("simple", 0, "exploration", "A reward at the end of a ring, 64 decisions away.", 1),
+    Task("simple", 0, "exploration", "A reward at the end of a ring, about 50 decisions away.", 1),
     Task("key-door", 0, "exploration", "The goal is behind a door whose key is elsewhere.", 1),
     Task(
         "dmlab-static-01",
@@ -186,7 +186,14 @@ def suite_of(name: str) -> Suite:
     return SUITES[name]
 
 
-def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvironment, Any]:
+def make(
+    id: str,
+    suite: str = "small",
+    *,
+    test: bool = False,
+    autoreset: Autoreset | None = "same-step",
+    final_observation: bool = False,
+) -> tuple[AnyEnvironment, Any]:
     """Make the environment of a benchmark task.
 
     Args:
@@ -194,12 +201,14 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
         suite: "small" or "large".
         test: True for testing an agent, False for training it. Tasks that test generalisation
             then use levels that never occur in training.
+        autoreset: as in `jaxenstein.make`.
+        final_observation: likewise.
 
     Returns:
-        The environment, which resets in the step that ends an episode, and its params.
+        The environment and its params. The environment's `name` is `id`.
 
     Raises:
-        SettingError: the task or suite does not exist.
+        SettingError: the task or suite does not exist, or a setting is wrong.
 
     Examples:
         >>> from jaxenstein import suite
@@ -208,7 +217,9 @@ def make(id: str, suite: str = "small", *, test: bool = False) -> tuple[AnyEnvir
         (16, 16, 3)
     """
     env, params = suite_of(suite).spec(task_of(id), test=test).build()
-    return dataclasses.replace(env, autoreset="same-step"), params
+    return dataclasses.replace(
+        env, autoreset=autoreset, final_observation=final_observation
+    ), params
 
 
 def task_of(id: str) -> Task:
@@ -253,7 +264,8 @@ def check_compared(compared: Compared, suite: str) -> Compared:
         if missing := [task.id for task in TASKS if task.id not in mine]:
             raise SettingError(
                 f"{policy} has no results for {', '.join(missing)}: a benchmark score needs all "
-                "tasks; to score some of them, give --reference FILE"
+                "tasks; to score some of them, leave out --suite and --baselines and give "
+                f"--reference {REFERENCES}"
             )
         for id, results in mine.items():
             if results.in_game:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -124,6 +125,33 @@ def test_evaluate_refuses_conflicting_arguments(
         ),
         (["train", "--budget", "0.1", "--out", "new"], "--budget needs --suite"),
         (["score", "r.json", "--suite", "--reference", "f"], "either --suite or --reference"),
+    ):
+        assert main(words) == 2, words
+        assert told in capsys.readouterr().err, words
+
+
+@pytest.mark.usefixtures("two_tasks", "plain_frames")
+def test_seeds_of_an_own_policy_are_scored_together(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("my_seeds.py").write_text(
+        "import jax\n"
+        "def agent(env, params):\n"
+        "    return lambda obs, key: jax.random.randint(key, (), 0, env.num_actions), None\n"
+    )
+    play = ["evaluate", "--policy", "my_seeds:agent", "--suite", "--episodes", "2"]
+    score = ["score", "--suite", "--label", "mine", "0.json", "1.json"]
+    for seed in (0, 1):
+        assert main([*play, "--json", f"{seed}.json"]) == 0
+    assert main(score) == 2
+    assert "give each seed of a policy its own name" in capsys.readouterr().err
+    for seed in (0, 1):
+        assert main([*play, "--name", f"seed {seed}", "--json", f"{seed}.json"]) == 0
+    capsys.readouterr()
+    assert main(score) == 0
+    assert re.search(r"simple +mine +2 +2 ", capsys.readouterr().out)
+    for words, told in (
+        (["evaluate", "--policy", "expert", "--suite", "--name", "a"], "--name needs --policy MOD"),
+        (["evaluate", "runs", "--name", "a"], "--name needs --policy MODULE:FUNCTION"),
+        ([*play, "--name", "a\nb"], "--name must be one line of text"),
     ):
         assert main(words) == 2, words
         assert told in capsys.readouterr().err, words

@@ -18,6 +18,7 @@ pytest.importorskip("optax")
 import jaxenstein
 from examples import recurrent_ppo
 from examples.ppo import Settings
+from jaxenstein import comparison, suite
 from jaxenstein.cli import main
 
 NAMES = ("flax_agent", "equinox_agent")
@@ -67,7 +68,7 @@ def test_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) ->
     saved = example.load(tmp_path / name, jax.tree.map(jnp.zeros_like, weights))
     jax.tree.map(np.testing.assert_array_equal, saved, weights)
     (read,) = jaxenstein.read_results(tmp_path / f"{name}.json")
-    assert (read.policy, read.environment.id) == (name, "miniworld-hallway")
+    assert (read.policy, read.environment.id) == (f"{name}-0", "miniworld-hallway")
     np.testing.assert_array_equal(read.lengths, results.lengths)
     assert main(["score", str(tmp_path / f"{name}.json")]) == 0
     assert name in capsys.readouterr().out
@@ -79,6 +80,18 @@ def test_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) ->
     assert [steps for _, steps in rows] == [24, 48, 72]
     scalars = [scalar for kind, scalar in loggers if kind == "scalar"]
     assert scalars == [(key, value, steps) for row, steps in rows for key, value in row.items()]
+
+
+@pytest.mark.usefixtures("plain_frames", "loggers")
+def test_an_agent_of_the_benchmark_is_tested_on_other_levels(tmp_path: Path) -> None:
+    example = pytest.importorskip("examples.flax_agent")
+    task = suite.task_of("key-corridor-s3r3")
+    _, results = example.main([*SMALL, f"--task={task.id}", "--seed=1", "--out", str(tmp_path)])
+    assert results.names == ("flax_agent-1",)
+    assert (
+        comparison.difference(suite.suite_of("small").spec(task, test=True), results.environment)
+        is None
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)

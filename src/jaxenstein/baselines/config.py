@@ -155,7 +155,7 @@ class Config:
 
     Attributes:
         algo: `"ppo"`, or the name of an exploration bonus to add to PPO.
-        total_steps: environment steps of the whole run, summed over environments; with annealing
+        total_steps: decisions of each seed, summed over its environments; with annealing
             the learning rate depends on it.
         num_envs: number of parallel environments, `N`.
         rollout: steps in each environment between two updates, `T`.

@@ -14,6 +14,7 @@ from ..errors import quoted
 from ..files import check_writable
 from ..intervals import mean_interval
 from ..progress import Progress
+from ..results import check_text
 from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from . import suite as suite_commands
@@ -86,7 +87,7 @@ examples:
   jaxenstein evaluate --policy my_module:agent --env t-maze --json mine.json
   jaxenstein evaluate --policy random --env t-maze
   jaxenstein evaluate runs/rnd --suite --json rnd.json
-  jaxenstein evaluate --policy my_module:agent --suite --json mine.json
+  jaxenstein evaluate --policy my_module:seed0 --suite --name seed0 --json seed0.json
 """
 
 
@@ -96,6 +97,7 @@ def fill(parser: Parser) -> None:
     parser.add_argument("folder", metavar="RUN", nargs="?", type=Path, help=help)
     what = f"evaluate a scripted player, or your own policy, {OWN}, instead of RUN"
     flag(parser, "--policy NAME", what, str)
+    flag(parser, "--name NAME", f"the run's name in --json, for {OWN} (default: that text)", str)
     add_suite(parser, "test on every task of the benchmark")
     flag(parser, "--episodes N", "episodes for each run", whole(), 100)
     add_seed(parser)
@@ -148,6 +150,10 @@ def _check_policy(options: argparse.Namespace) -> None:
                 f"jaxenstein evaluate: --policy must be {OWN} or the name of a scripted player, "
                 f"not {quoted(text)}; give a run directory without --policy"
             )
+    if options.name is not None:
+        if not is_own(text):
+            raise UsageError(f"jaxenstein evaluate: --name needs --policy {OWN}")
+        check_text("--name", options.name)
     if options.suite is not None:
         given = [flag_of(name) for name in given_options(options)]
         given += ["--gif"] * (options.gif is not None) + ["--in"] * (options.game is not None)
@@ -201,7 +207,7 @@ def _own(options: argparse.Namespace) -> Evaluated:
         results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
         scripted = Scripted(player_of(env, options.policy), env, shown, options.policy)
         return Evaluated(heading, env, {"its own": results}, lambda: scripted)
-    own = load_own(options.policy, env, shown)
+    own = load_own(options.policy, env, shown, options.name)
     with Progress(options.episodes, "evaluating", unit="episodes", compiles=True) as progress:
         results = evaluate(
             env,

@@ -30,20 +30,20 @@ def is_own(text: object) -> bool:
     return isinstance(text, str) and _NAMED.fullmatch(text) is not None
 
 
-def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
-    """Call MODULE:FUNCTION to get its policy for an environment.
+def load_own(text: str, env: AnyEnvironment, params: Any, name: str | None = None) -> Own:
+    """Call MODULE:FUNCTION to get its policy for an environment; the policy's name is `name`.
 
     Raises:
         UsageError: the module or function does not exist, or it takes or returns the wrong values.
         SettingError: the policy does not take or return what `jaxenstein.evaluate` documents.
     """
-    module, _, name = text.partition(":")
+    module, _, called = text.partition(":")
     import_modules([module])
     there = vars(sys.modules[module])
-    function = there.get(name)
+    function = there.get(called)
     if not callable(function):
-        close = nearest(name, (name for name, value in there.items() if callable(value)))
-        raise UsageError(f"jaxenstein: --policy: {module} has no function {quoted(name)}{close}")
+        close = nearest(called, (name for name, value in there.items() if callable(value)))
+        raise UsageError(f"jaxenstein: --policy: {module} has no function {quoted(called)}{close}")
     wanted = (
         f"jaxenstein: --policy: {text} must take (env, params) and return (policy, carry), "
         "with carry None for a policy without memory; it "
@@ -58,4 +58,4 @@ def load_own(text: str, env: AnyEnvironment, params: Any) -> Own:
     made = function(env, params)
     if not isinstance(made, tuple) or len(made) != 2 or not callable(made[0]):
         raise UsageError(f"{wanted}returned {quoted(made)}")
-    return Own(*made, env, params, text)
+    return Own(*made, env, params, text if name is None else name)

@@ -91,7 +91,7 @@ def _policy(options: argparse.Namespace) -> Play:
     own = {}
     for id, (env, params) in made.items():
         if is_own(options.policy):
-            own[id] = load_own(options.policy, env, params)
+            own[id] = load_own(options.policy, env, params, options.name)
             check_policy(env, params, own[id].policy, own[id].carry)
         else:
             player_of(env, options.policy)
