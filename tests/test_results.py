@@ -192,6 +192,14 @@ def test_damaged_files_are_refused(
     assert str(caught.value).startswith(f"{file}: ")
 
 
+def test_runs_of_one_name_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "r.json"
+    results().save(file)
+    file.write_text(file.read_text().replace('"seed-1"', '"seed-0"'))
+    with pytest.raises(SettingError, match=r"r\.json: two entries have the name 'seed-0'"):
+        read_results(file)
+
+
 def test_files_without_results_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "r.json"
     with pytest.raises(SettingError, match="cannot be read: no such file"):

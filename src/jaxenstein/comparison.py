@@ -14,7 +14,7 @@ import numpy as np
 from .environment import AnyEnvironment
 from .errors import SettingError, nearest, one_line, quoted
 from .files import read_text, reason_of
-from .results import Results, read_results
+from .results import Results, read_results, without_repeats
 from .scores import normalised
 from .spec import Spec
 
@@ -222,9 +222,11 @@ def read_reference(path: str | Path) -> dict[str, Reference]:
         SettingError: the file cannot be read or has other content; the message names it.
     """
     try:
-        plain = json.loads(read_text(path))
+        plain = json.loads(read_text(path), object_pairs_hook=without_repeats)
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
+    except SettingError as error:
+        raise SettingError(f"{path}: {error}") from error
     except (ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not JSON: {error}") from error
     if not isinstance(plain, dict):

@@ -7,7 +7,7 @@ import errno
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from .errors import JAXensteinError, SettingError
@@ -100,6 +100,19 @@ def append(path: Path, text: str) -> None:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
+
+
+def check_apart(outputs: Sequence[Path | None], inputs: Sequence[str | Path | None] = ()) -> None:
+    """Check that no output is an input or another output; None stands for no file.
+
+    Raises:
+        SettingError: two of the paths are one file.
+    """
+    files = [path for path in outputs if path is not None]
+    for number, path in enumerate(files):
+        for other in (*files[:number], *(path for path in inputs if path is not None)):
+            if os.path.realpath(path) == os.path.realpath(other):
+                raise SettingError(f"{path} would overwrite {other}: choose another name")
 
 
 def check_links(folder: str | Path) -> None:

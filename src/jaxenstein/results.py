@@ -221,7 +221,9 @@ def _parsed(path: Path) -> Any:
             data = file.read(LARGEST + 1)
         if len(data) > LARGEST:
             raise SettingError(f"it is larger than {LARGEST >> 20} MiB")
-        return json.loads(data.decode("utf-8"), parse_constant=_refuse)
+        return json.loads(
+            data.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=without_repeats
+        )
     except OSError as error:
         raise SettingError(f"cannot be read: {reason_of(error)}") from error
     except json.JSONDecodeError as error:
@@ -231,6 +233,20 @@ def _parsed(path: Path) -> Any:
         raise
     except (ValueError, RecursionError) as error:
         raise SettingError(f"not a results file: {error}") from error
+
+
+def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The entries of an object of JSON.
+
+    Raises:
+        SettingError: two of them have one name.
+    """
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SettingError(f"two entries have the name {quoted(twice)}")
+    return table
 
 
 def _refuse(word: str) -> NoReturn:

@@ -26,7 +26,8 @@ def from_ascii(text: str, **settings: Any) -> tuple[Navigation, NavigationParams
         **settings: the settings of `make`, and: `name`; `heading`, the first heading in degrees:
             None for any, a number, or (lowest, highest); `regions`, a second text of the same
             shape that gives floor cells the symbol of the walls around them, or `faces`, a text
-            that sets the look of each wall face; `floor` and `ceiling`, RGB colours.
+            that sets the look of each wall face; `floor`, the two RGB colours of its squares, and
+            `ceiling`, one.
 
     Returns:
         The environment and its default params (1000 steps per episode, discount 0.99).

@@ -41,10 +41,10 @@ def test_prints_only_the_map(lab: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_writes_the_map_and_its_faces(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = lab.parent / "maze.txt"
     for _ in range(2):  # the second time over its own files
-        assert main(["convert", str(lab), "--out", str(out), "--name", "Maze"]) == 0
+        assert main(["convert", str(lab), "--out", str(out)]) == 0
         printed, err = capsys.readouterr()
         assert err == ""
-        assert printed.startswith("Maze: 3 x 2 cells")
+        assert printed.startswith("lab: 3 x 2 cells")
         assert f"wrote {out} and {lab.parent / 'maze.faces.txt'}" in printed
         texts = read_map(out)
         assert sorted(texts) == ["faces", "text"]

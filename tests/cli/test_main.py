@@ -347,6 +347,21 @@ def test_broken_pipe_is_quiet() -> None:
     assert process.wait() == 141
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs Linux")
+def test_full_disk_for_printed_text_is_told() -> None:
+    source = Path(jaxenstein.__file__).parents[1]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "jaxenstein", "list", "--symbols"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": str(source)},
+            check=False,
+            text=True,
+        )
+    assert (ended.returncode, ended.stderr) == (1, "jaxenstein: no space left on device\n")
+
+
 def test_warnings_about_a_map_are_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -209,11 +209,13 @@ def test_actions_by_number_name_and_count() -> None:
 def test_every_named_policy_acts_or_explains_why_not(world: World) -> None:
     for name in (*GENERAL, "shortest_path"):
         assert play(Session(*world), named_policy(name, *world, 0), 3).steps == 3, name
-    known = "idle, random, shortest_path, expert"
+    known = "idle, random, shortest_path, expert, forward"
     with pytest.raises(SettingError, match=f"has no player 'greedy_medkits'; it has {known}$"):
         named_policy("greedy_medkits", *world, 0)
     with pytest.raises(SettingError, match="did you mean 'shortest_path'"):
         named_policy("shortest-path", *world, 0)
+    with pytest.raises(SettingError, match="did you mean 'forward'"):
+        named_policy("forwrd", *world, 0)
 
 
 def test_player_explains_why_it_waits(world: World) -> None:

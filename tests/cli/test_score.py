@@ -205,6 +205,16 @@ def test_wrong_arguments_get_one_line_and_code_2(
     assert message in err
 
 
+def test_no_file_is_read_and_written(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    file = Path(words[3])
+    before = file.read_bytes()
+    assert main([*words, "--json", str(file.parent / "." / file.name)]) == 2
+    assert "would overwrite" in capsys.readouterr().err
+    assert main(["evaluate", "--policy", "idle", "--json", "a.gif", "--gif", "./a.gif"]) == 2
+    assert "a.gif would overwrite a.gif" in capsys.readouterr().err
+    assert file.read_bytes() == before
+
+
 def test_a_file_is_written_even_if_the_table_cannot_be_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -70,6 +71,12 @@ def test_trains_resumes_and_plots(
     pictures = [str(tmp_path / name) for name in ("a.png", "a.svg")]
     assert main(["plot", str(out), "--out", pictures[0], "--out", pictures[1]]) == 0
     assert capsys.readouterr().out == f"wrote {pictures[0]} and {pictures[1]}\n"
+    # Two folders of one name are two lines.
+    shutil.copytree(out, tmp_path / "other" / "run")
+    both = [str(out), str(tmp_path / "other" / "run")]
+    assert main(["plot", *both, "--out", pictures[1]]) == 0
+    shown = Path(pictures[1]).read_text()
+    assert all(folder in shown for folder in both)
 
 
 def test_flags_and_files_give_the_same_experiment(flags: list[str], tmp_path: Path) -> None:

@@ -28,7 +28,8 @@ def test_wrong_arguments_of_record(world: World) -> None:
         ({"policy": lambda session: 0.5}, "one whole number"),
         ({"seed": -1}, "a seed must be"),
         ({"steps": 0}, "steps must be"),
-        ({"steps": 2.5}, "one whole number"),
+        ({"steps": 2.5}, "steps must be a whole number"),
+        ({"policy": 5}, "policy must be a name, a function or a sequence of actions, not 5"),
     ):
         with pytest.raises(SettingError, match=words):
             record(*world, **arguments)

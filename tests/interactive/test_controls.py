@@ -91,6 +91,8 @@ def test_unknown_actions_get_digits() -> None:
 def test_two_actions_never_share_a_key() -> None:
     names = ("interact", "attack", "drop")
     assert keys_of(names) == {"interact": ("space",), "attack": ("f",), "drop": ("1",)}
+    names = ("forward", "weapon 1", "jump")
+    assert keys_of(names) == {"forward": ("w", "up"), "weapon 1": ("1",), "jump": ("2",)}
 
 
 def test_tap_of_any_length_is_one_step() -> None:

@@ -131,6 +131,7 @@ def test_goal_is_required_only_if_needed() -> None:
         ("SRrG", ["line 1, column 4: paths to this goal need a key .*red"]),
         ("SBrRbG", ["line 1, column 6: paths to this goal need a key .*blue"]),
         ("rSRGRS", ["line 1, column 6: paths from here to a goal need a missing key"]),
+        ("SG###\n#####\nSSS##", ["line 3, column 1: no path from here .*; the same for 2 more"]),
     ],
 )
 def test_warnings_name_unreachable_things(text: str, expected: list[str]) -> None:

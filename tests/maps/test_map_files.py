@@ -36,3 +36,15 @@ def test_sample_names_work_as_file_names(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "samples").mkdir()
     (tmp_path / "samples" / "rooms").write_text("####\n#SG#\n####")
     assert len(jaxenstein.from_file("samples/rooms")[0].tilemap.spawns) == 1
+    with pytest.raises(jaxenstein.MapError, match="no such file"):
+        jaxenstein.from_file("data/samples/rooms")
+
+
+def test_regions_and_faces_of_one_map_are_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "maze.txt").write_text("####\n#SG#\n####")
+    for kind in ("regions", "faces"):
+        (tmp_path / f"maze.{kind}.txt").write_text("")
+    with pytest.raises(
+        jaxenstein.MapError, match=r"maze\.regions\.txt and .*maze\.faces\.txt exist"
+    ):
+        jaxenstein.from_file(tmp_path / "maze.txt")

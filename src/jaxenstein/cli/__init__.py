@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from ..errors import JAXensteinError, concise, one_line
-from ..files import OutputError
+from ..files import OutputError, reason_of
 from ..version import __version__
 from . import (
     bench,
@@ -102,15 +102,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         shown = f"cannot print {error.object[error.start]!a} as {error.encoding}"
         return _complain(f"jaxenstein: {shown}; set PYTHONIOENCODING=utf-8", FAILED)
     except BrokenPipeError:
-        # Without this, Python would complain at exit about output that it could not write.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return BROKEN_PIPE
+    except OSError as error:
+        _drop_output()
+        return _complain(f"jaxenstein: {reason_of(error)}", FAILED)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except (MemoryError, RuntimeError) as error:
         # JAX's own errors (out of memory, no such device) are RuntimeErrors of several lines.
         return _complain(f"jaxenstein: {str(error) or 'out of memory'}", FAILED)
     return code or 0
+
+
+def _drop_output() -> None:
+    """Without this, Python would complain at exit about output that it could not write."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def build_parser() -> Parser:

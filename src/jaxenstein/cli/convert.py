@@ -7,7 +7,6 @@ import contextlib
 import os
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +42,6 @@ def fill(parser: Parser) -> None:
     flag(parser, "--minigrid ID", other, str)
     add_seed(parser)
     flag(parser, "--out FILE", "file for the map (default: print it)", Path)
-    flag(parser, "--name NAME", "name of the map (default: from FILE or ID)", str)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -71,12 +69,11 @@ def run(options: argparse.Namespace) -> None:
 def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
     """The map of a .map file, and lines of summary."""
     from ..maps.importers.dmlab import build_tilemap, read_maze
-    from ..maps.reach import problems
+    from ..maps.reach import problems, summarised
 
-    name = options.file.stem if options.name is None else options.name
-    maze = read_maze(read_text(options.file, "map"), name, source=str(options.file))
+    maze = read_maze(read_text(options.file, "map"), options.file.stem, source=str(options.file))
     tilemap = build_tilemap(maze)
-    for problem, (column, row) in problems(tilemap):
+    for problem, (column, row) in summarised(problems(tilemap)):
         place = f"line {row + 1}, column {column + 1} of the text"
         warnings.warn(f"{place}: {problem}", MapWarning, stacklevel=2)
     decals = {"decal": len(maze.decals)}
@@ -88,7 +85,7 @@ def _convert_minigrid(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
     from ..maps.importers.minigrid import convert_id
 
     found = convert_id(options.minigrid, options.seed)
-    tilemap = found.tilemap if options.name is None else replace(found.tilemap, name=options.name)
+    tilemap = found.tilemap
     things = {"key": len(tilemap.keys), "door": len(tilemap.doors)}
     summary = _summary(tilemap, "", things)
     heading = f"{found.heading:g}"
@@ -125,7 +122,7 @@ def _check_out(out: Path, file: Path | None, with_faces: bool) -> None:
 
 
 def _write(out: Path, text: str, faces: str | None) -> list[Path]:
-    """Write the map and, if given, the looks of its walls: both files or neither."""
+    """Write the map and, if given, the looks of its walls; each file is complete or unchanged."""
     texts = {out: text} if faces is None else {out: text, beside(out, "faces"): faces}
     with contextlib.ExitStack() as files:
         for path, content in texts.items():

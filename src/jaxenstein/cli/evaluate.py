@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import Scripted
 from ..errors import quoted
-from ..files import check_writable
+from ..files import check_apart, check_writable
 from ..intervals import mean_interval
 from ..progress import Progress
 from ..results import check_text
@@ -122,6 +122,9 @@ def run(options: argparse.Namespace) -> None:
             f"jaxenstein evaluate: give either RUN or --policy {OWN} for your own agent"
         )
     _check_policy(options)
+    check_apart(
+        [options.json, options.gif], [options.folder, given_options(options).get("map_file")]
+    )
     if options.json is not None:
         check_writable(options.json)
     if options.gif is not None:

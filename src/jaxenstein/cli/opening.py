@@ -203,7 +203,7 @@ def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
 
     given = dict(given)
     if "map_file" in given:
-        texts = read_map(folder / given.pop("map_file"))
+        texts = read_map(Path(given.pop("map_file")), folder)
         texts["map"] = texts.pop("text")
         for name in texts:
             if name in given:

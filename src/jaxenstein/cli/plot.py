@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import collections
+import dataclasses
 from pathlib import Path
 
 from .arguments import Parser, flag, whole
@@ -60,6 +62,15 @@ def run(options: argparse.Namespace) -> None:
     for path in options.out:
         drawing.check_picture(path)
     metrics, how = options.metric or ["return"], (options.points, options.over, options.step or ())
-    found = [curve for path in options.runs for curve in drawing.curves_of(path, metrics, *how)]
+    each = [(path, drawing.curves_of(path, metrics, *how)) for path in options.runs]
+    labels = collections.Counter(curve.label for _, curves in each for curve in curves)
+    # Runs in folders of one name are told apart by their paths.
+    found = [
+        dataclasses.replace(curve, label=f"{path.parent}/{curve.label}")
+        if labels[curve.label] > 1
+        else curve
+        for path, curves in each
+        for curve in curves
+    ]
     drawing.save_plot(found, options.out, metrics[0], options.title)
     print(f"wrote {' and '.join(map(str, options.out))}")

@@ -116,9 +116,10 @@ def run(options: argparse.Namespace) -> None:
     spec = None if options.save is None else spec_of(env, params)
     policy, steps = _policy(env, params, options, agent)
     episode = play_shown(env, params, options.seed, policy, steps, spec)
-    written = save_pictures(episode, options)
     if options.save is not None:
         episode.save(options.save)
+    written = save_pictures(episode, options)
+    if options.save is not None:
         written.append(options.save)
     facts = [f"{episode.steps} steps", f"return {episode.returns[-1]:.4g}"]
     stopper = "--steps" if episode.steps == options.steps else "--actions"

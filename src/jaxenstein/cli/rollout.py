@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 HELP = "run many environments with a random policy"
 DESCRIPTION = """\
 Run many environments in parallel with a uniform random policy, and report the speed, the mean
-return and the success rate. --out also writes two pictures: DIR/ID.gif shows the views of up to 16
-environments over time, and DIR/ID.png is a contact sheet with a row for each environment.
+return and the success rate. An episode counts if it begins so early that it must end within
+--steps: otherwise short episodes would count more than long ones. --out also writes two pictures:
+DIR/ID.gif shows the views of up to 16 environments over time, and DIR/ID.png is a contact sheet
+with a row for each environment.
 """
 EPILOG = """\
 examples:
@@ -44,6 +46,8 @@ CALL_SECONDS = 0.2
 THUMBNAIL = 192
 # Minimum height in pixels of the GIF, and of each view on the contact sheet.
 GIF_HEIGHT, SHEET_HEIGHT = 480, 112
+# The default number of steps is that of the longest episode, within these bounds.
+LEAST, MOST = 500, 3000
 Carry = dict[str, Any]
 
 
@@ -51,7 +55,8 @@ def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
     flag(parser, "--envs N", "parallel environments", whole(), 256)
-    flag(parser, "--steps T", "steps in each environment", whole(), 500)
+    help = f"steps in each environment (default: a whole episode, {LEAST} to {MOST})"
+    flag(parser, "--steps T", help, whole())
     add_seed(parser)
     help = "folder for the pictures, created if missing (default: no pictures)"
     flag(parser, "--out DIR", help, Path)
@@ -62,14 +67,16 @@ class Tally:
     """The results of a rollout.
 
     Attributes:
-        episodes: number of episodes that ended.
-        returns: sum of their returns.
-        successes: number of episodes that reached the task's aim at least once.
+        ended: number of episodes that ended.
+        episodes: number of those that began early enough to count.
+        returns: sum of the returns of those that count.
+        successes: number of those that reached the task's aim at least once.
         goals: how often they reached the aim, which some tasks allow several times per episode.
         seconds: time spent stepping, without compilation.
         compiling: seconds of compilation.
     """
 
+    ended: int
     episodes: int
     returns: float
     successes: int
@@ -82,6 +89,8 @@ def run(options: argparse.Namespace) -> None:
     """Run the rollout, print its results, and write its pictures."""
     env, params, name = open_environment(given_options(options))
     env = dataclasses.replace(env, autoreset="same-step")
+    most = int(env.most_steps(params))
+    steps = min(max(most, LEAST), MOST) if options.steps is None else options.steps
     targets: tuple[Path, ...] = ()
     if options.out is not None:
         folder = make_folder(options.out)
@@ -91,18 +100,18 @@ def run(options: argparse.Namespace) -> None:
     watched = min(GIF_ENVS, options.envs) if targets else 0
     print(f"{name}: compiling a rollout of {options.envs} environments ...", file=sys.stderr)
     begin = time.perf_counter()
-    advance, carry = compile_rollout(env, params, options.envs, options.seed, watched)
+    advance, carry = compile_rollout(env, params, options.envs, options.seed, watched, steps - most)
     compiling = time.perf_counter() - begin
-    frames, tally = play(advance, carry, options.steps, options.envs, bool(targets))
+    frames, tally = play(advance, carry, steps, options.envs, bool(targets))
     tally.compiling = compiling
-    _report(options, tally)
+    _report(options.envs * steps, tally, most)
     if targets:
         write_pictures(picture(np.stack(frames), env.observation), *targets)
         print(f"pictures      {targets[0]}, {targets[1]}")
 
 
 def compile_rollout(
-    env: AnyEnvironment, params: Any, envs: int, seed: int, watched: int
+    env: AnyEnvironment, params: Any, envs: int, seed: int, watched: int, latest: int
 ) -> tuple[Callable[[Carry, Any], tuple[Carry, Any]], Carry]:
     """Reset the environments and compile their rollout.
 
@@ -112,6 +121,7 @@ def compile_rollout(
         envs: number of parallel environments.
         seed: seed of resets, policy and steps.
         watched: number of environments whose images are returned.
+        latest: an episode counts if it began after at most so many steps.
 
     Returns:
         `(advance, carry)`. `advance(carry, n)` takes n steps and returns the new carry and the
@@ -127,16 +137,20 @@ def compile_rollout(
         obs, state, _, terminated, truncated, info = stepping(
             jax.random.split(step_key, envs), carry["state"], actions, params
         )
-        ended = terminated | truncated
+        ended, now = terminated | truncated, carry["now"] + 1
+        counts = ended & (carry["began"] <= latest)
         so_far = carry["so_far"] + info["success"].astype(jnp.int32)
         return {
             "key": key,
             "obs": obs,
             "state": state,
-            "episodes": carry["episodes"] + ended.astype(jnp.int32),
-            "returns": carry["returns"] + jnp.where(ended, info["episode_return"], 0),
-            "goals": carry["goals"] + jnp.where(ended, so_far, 0),
-            "successes": carry["successes"] + (ended & (so_far > 0)).astype(jnp.int32),
+            "now": now,
+            "began": jnp.where(ended, now, carry["began"]),
+            "ended": carry["ended"] + ended.astype(jnp.int32),
+            "episodes": carry["episodes"] + counts.astype(jnp.int32),
+            "returns": carry["returns"] + jnp.where(counts, info["episode_return"], 0),
+            "goals": carry["goals"] + jnp.where(counts, so_far, 0),
+            "successes": carry["successes"] + (counts & (so_far > 0)).astype(jnp.int32),
             "so_far": jnp.where(ended, 0, so_far),
         }
 
@@ -152,7 +166,7 @@ def compile_rollout(
     obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, params)
     carry = {"key": key, "obs": obs, "state": state, "returns": jnp.zeros(envs, jnp.float32)}
     # Separate arrays, since the program donates the memory of each.
-    counted = ("episodes", "goals", "successes", "so_far")
+    counted = ("now", "began", "ended", "episodes", "goals", "successes", "so_far")
     carry |= {name: jnp.zeros(envs, jnp.int32) for name in counted}
     return jax.jit(advance, donate_argnums=0).lower(carry, np.int32(0)).compile(), carry
 
@@ -190,18 +204,22 @@ def play(
             progress.update(done * envs)
             if not with_frames and elapsed < CALL_SECONDS:
                 chunk *= 2
-    episodes, successes, goals = (
-        int(np.sum(carry[name])) for name in ("episodes", "successes", "goals")
+    ended, episodes, successes, goals = (
+        int(np.sum(carry[name])) for name in ("ended", "episodes", "successes", "goals")
     )
-    return frames, Tally(episodes, float(np.sum(carry["returns"])), successes, goals, seconds)
+    returns = float(np.sum(carry["returns"]))
+    return frames, Tally(ended, episodes, returns, successes, goals, seconds)
 
 
-def _report(options: argparse.Namespace, tally: Tally) -> None:
-    total = options.envs * options.steps
+def _report(total: int, tally: Tally, most: int) -> None:
     times = f"{total} steps in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compilation"
     print(f"speed         {si(total / tally.seconds)} steps/s ({times})")
-    print(f"episodes      {tally.episodes} ended")
-    if tally.episodes:
+    print(f"episodes      {tally.ended} ended, {tally.episodes} count")
+    if not tally.episodes:
+        print(
+            f"success       unknown: an episode has up to {most} steps, give --steps {most} or more"
+        )
+    else:
         print(f"mean return   {tally.returns / tally.episodes:.4g}")
         more = f", {tally.goals / tally.episodes:.3g} goals per episode"
         success = f"{tally.successes / tally.episodes:.1%} of episodes"

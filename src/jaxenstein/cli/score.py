@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import suite
-from ..files import check_writable
+from ..files import check_apart, check_writable
 from .arguments import Parser, UsageError, add_seed, add_suite, flag
 from .listing import format_table
 from .opening import baselines, write_json, written_anyway
@@ -112,6 +112,7 @@ def run(options: argparse.Namespace) -> None:
             "jaxenstein score: --baselines has only sampled actions; leave out --actions greedy"
         )
     files = _files(options)
+    check_apart([options.json, options.plot], [*(path for _, path in files), options.reference])
     if options.json is not None:
         check_writable(options.json)
     if options.plot is not None:

@@ -103,7 +103,9 @@ def _policy(options: argparse.Namespace) -> Play:
             notify(done / episodes)
 
         if not own:
-            return evaluate_player(env, params, options.policy, episodes, seed)
+            results = evaluate_player(env, params, options.policy, episodes, seed)
+            notify(1.0)
+            return results
         mine = own[task.id]
         told = mine.policy, mine.carry, episodes, seed, mine.name
         return evaluate(env, params, *told, notify=part)

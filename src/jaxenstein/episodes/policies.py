@@ -176,4 +176,4 @@ def named_policy(name: str, env: AnyEnvironment, params: Any, seed: int) -> Poli
 
     if name == "forward":
         return Forward(env.action_names, np.random.default_rng(seed))
-    return Scripted(player_of(env, name), env, params, name)
+    return Scripted(player_of(env, name, ("forward",)), env, params, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import SettingError, TrajectoryError, quoted
+from ..fields import check_whole
 from ..spec import Spec, spec_of
 from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
@@ -71,9 +72,9 @@ def record(
     seed = check_seed(seed)
     chosen, length = _policy(policy, env, params, seed)
     limit = int(env.most_steps(params)) if length is None else length
-    if steps is not None and (whole_action(steps) < 1 or isinstance(steps, bool)):
-        raise SettingError(f"steps must be at least 1, not {quoted(steps)}")
-    limit = limit if steps is None else min(whole_action(steps), limit)
+    if steps is not None:
+        check_whole("steps", steps, 1)
+        limit = min(int(steps), limit)
     try:
         spec = spec_of(env, params)
     except TrajectoryError:
@@ -89,6 +90,10 @@ def _policy(
         return named_policy(policy, env, params, seed), None
     if callable(policy):
         return policy, None
+    if not isinstance(policy, Iterable):
+        raise SettingError(
+            f"policy must be a name, a function or a sequence of actions, not {quoted(policy)}"
+        )
     actions = [whole_action(action) for action in policy]
     for index, action in enumerate(actions):
         if not NO_OP <= action < env.num_actions:

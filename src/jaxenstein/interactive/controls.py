@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 # Keys of each action by its name; the help lists the first one first. If two actions of an
@@ -46,15 +47,16 @@ def keys_of(action_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
     Combined actions have no keys: you press the keys of their parts together.
     """
-    digits = iter("123456789")
     found: dict[str, tuple[str, ...]] = {}
+    taken: set[str] = set()
     for name in action_names:
-        if AND in name:
-            found[name] = ()
-            continue
-        taken = {key for keys in found.values() for key in keys}
-        keys = tuple(key for key in ACTION_KEYS.get(name, ()) if key not in taken)
-        found[name] = keys or tuple(digit for digit in (next(digits, None),) if digit)
+        own = () if AND in name else ACTION_KEYS.get(name, ())
+        found[name] = tuple(key for key in own if key not in taken)
+        taken.update(found[name])
+    digits = iter(sorted({*"123456789"} - taken))
+    for name, keys in found.items():
+        if not keys and AND not in name:
+            found[name] = tuple(itertools.islice(digits, 1))
     return found
 
 

@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 
 from ..errors import MapError, MapWarning, nearest, quoted
 from .faces import make_page, read_faces, read_regions, split_lines
-from .reach import problems
+from .reach import problems, summarised
 from .symbols import PEACEFUL, SYMBOLS, Symbol
 from .tilemap import Door, Item, Key, TileMap
 
@@ -85,7 +85,7 @@ def parse_ascii(
             MapWarning,
             stacklevel=stacklevel,
         )
-    for problem, (column, row) in problems(tilemap):
+    for problem, (column, row) in summarised(problems(tilemap)):
         place = f"line {page.first_line + row}, column {column + 1}"
         warnings.warn(f"{place}: {problem}", MapWarning, stacklevel=stacklevel)
     return tilemap

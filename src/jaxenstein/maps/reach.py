@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -95,6 +95,17 @@ def problems(tilemap: TileMap) -> list[tuple[str, Cell]]:
     if any(door.locked for door in tilemap.doors):
         found += _key_problems(tilemap, {cell for _, cell in found})
     return found
+
+
+def summarised(found: Sequence[tuple[str, Cell]]) -> list[tuple[str, Cell]]:
+    """The first problem of each kind, with the number of others."""
+    cells: dict[str, list[Cell]] = {}
+    for problem, cell in found:
+        cells.setdefault(problem, []).append(cell)
+    return [
+        (problem + f"; the same for {len(places) - 1} more" * (len(places) > 1), places[0])
+        for problem, places in cells.items()
+    ]
 
 
 def _key_problems(tilemap: TileMap, known: set[Cell]) -> list[tuple[str, Cell]]:

@@ -6,6 +6,7 @@ Tile (column, row) covers [column, column + 1) x [row, row + 1); everything outs
 from __future__ import annotations
 
 import dataclasses
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -139,8 +140,9 @@ class TileMap:
 
         Raises:
             MapError: there are no cells, or one is not a floor tile.
+            TypeError: a column or row is not a whole number.
         """
-        spawns = tuple((int(column), int(row)) for column, row in cells)
+        spawns = tuple((operator.index(column), operator.index(row)) for column, row in cells)
         if not spawns:
             raise MapError("a map needs at least one spawn")
         return dataclasses.replace(self, spawns=spawns)

@@ -7,6 +7,7 @@ them from the paths and steps in `walking`.
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -31,8 +32,13 @@ def players_of(env: AnyEnvironment) -> dict[str, Player]:
     return {"idle": IDLE, "random": UNIFORM, **env.about().players}
 
 
-def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
+def player_of(env: AnyEnvironment, name: str = EXPERT, others: Sequence[str] = ()) -> Player:
     """Look up a player by name; `"expert"` is the best player of the task.
+
+    Args:
+        env: the environment.
+        name: the name.
+        others: what else the caller accepts, for the message.
 
     Raises:
         SettingError: the environment has no such player; the message names the players it has.
@@ -40,7 +46,7 @@ def player_of(env: AnyEnvironment, name: str = EXPERT) -> Player:
     players, expert = players_of(env), env.about().expert
     wanted = expert if name == EXPERT else name
     if wanted not in players:
-        known = [*players, *[EXPERT] * bool(expert)]
+        known = [*players, *[EXPERT] * bool(expert), *others]
         raise SettingError(
             f"{quoted(env.name)} has no player {quoted(name)}{nearest(name, known)}; it has "
             f"{', '.join(known)}"

@@ -113,6 +113,7 @@ def test_last_of_equal_names_counts(tmp_path: Path) -> None:
             "lump 'AWAY' lies outside of the file's 28 bytes",
         ),
         (write_wad(small_lumps())[:-1], "cut off"),
+        (b"IWAD", "cut off"),
     ],
 )
 def test_files_that_are_not_wads(tmp_path: Path, data: bytes, message: str) -> None:
@@ -123,9 +124,11 @@ def test_files_that_are_not_wads(tmp_path: Path, data: bytes, message: str) -> N
 
 
 def test_missing_files(tmp_path: Path) -> None:
-    for path in (tmp_path / "none.wad", tmp_path, tmp_path / ("x" * 5000), Path("\0")):
+    for path in (tmp_path / "none.wad", tmp_path / ("x" * 5000), Path("\0")):
         with pytest.raises(WadError, match="there is no such file"):
             Wad(path)
+    with pytest.raises(WadError, match="it is a folder"):
+        Wad(tmp_path)
 
 
 BAD = struct.pack("<4hI", 1, 4, 0, 0, 12)

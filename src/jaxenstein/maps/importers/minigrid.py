@@ -20,7 +20,7 @@ from typing import Any
 
 from ...errors import MapError, MapWarning, SettingError, UnknownEnvironmentError, nearest, quoted
 from ...fields import check_whole
-from ..reach import problems
+from ..reach import problems, summarised
 from ..symbols import DEFAULT_WALL, door_label
 from ..things import COLOUR_NAMES
 from ..tilemap import Cell, Door, Key, TileMap
@@ -119,7 +119,7 @@ def _convert(env: Any, stacklevel: int) -> MiniGridMap:
     if getattr(env, "carrying", None) is not None:
         raise MapError(f"the agent carries {_describe(env.carrying)}; reset first", source=name)
     tilemap = _read_grid(env.grid, start, name)
-    for problem, (column, row) in problems(tilemap):
+    for problem, (column, row) in summarised(problems(tilemap)):
         warnings.warn(
             f"{name}, {_place(column, row)}: {problem}", MapWarning, stacklevel=stacklevel
         )

@@ -75,10 +75,10 @@ class DoomScenario(FirstPerson[S, P]):
         look: `"plain"`: one colour for each texture. `"game"`: the game's pictures from a WAD file,
             with its placement and light, and an eye that bobs while the player walks. Frames with
             the aspect ratio 4:3 and at least 160 columns show what the game shows on a screen of
-            that size, unless `samples=2`. Other frames are pixels of its screen of 320 by 240: 64x48
-            has the middle one of every 5x5. `"random"`: placement, light and bobbing are those of
-            the game, but each episode draws one of 32 patterns for each texture of walls, floor and
-            ceiling, and one of four shades for each kind of thing. It needs no WAD file.
+            that size, unless `samples=2`. Other frames are pixels of its screen of 320 by 240:
+            64x48 has the middle one of every 5x5. `"random"`: placement, light and bobbing are
+            those of the game, but each episode draws one of 32 patterns for each texture of walls,
+            floor and ceiling, and one of four shades for each kind of thing. It needs no WAD file.
         samples: with `look="game"` or `"random"`, 2 for the mean of two adjacent pixels of the
             screen.
         wad: the WAD file for `look="game"`, such as DOOM2.WAD; None for the file of Freedoom, which

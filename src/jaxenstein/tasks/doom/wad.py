@@ -69,12 +69,12 @@ class Wad:
         """
         self.path = Path(path)
         if not os.path.isfile(path):
-            raise self._error("there is no such file")
+            raise self._error("it is a folder" if os.path.isdir(path) else "there is no such file")
         size = os.path.getsize(path)
         kind, count, start = struct.unpack("<4sII", self._read(0, 12).ljust(12, b"\0"))
         if kind not in (b"IWAD", b"PWAD"):
             raise self._error("not a WAD file: it does not begin with IWAD or PWAD")
-        if start + count * _ENTRY.itemsize > size:
+        if size < 12 or start + count * _ENTRY.itemsize > size:
             raise self._error(f"cut off: its directory ends after the file's {size} bytes")
         entries = np.frombuffer(self._read(start, count * _ENTRY.itemsize), _ENTRY)
         names = [_text(name) for name in entries["name"].tolist()]
