@@ -31,8 +31,9 @@ class DoomState(State):
         fixed_velocity: int32[2], units per tic.
         angle: uint32[], 2**32 per turn, 0 east, growing counter-clockwise.
         turn_tics: int32[], for how many tics a turn button has been held.
-        gait: int32[2, 2], with `look="game"` or `"random"` the velocity from the player's own
-            steps, after friction and before it, which makes the eye bob; else None.
+        gait: int32[2, 2], the velocity from the player's own steps, after friction and before it,
+            which makes the eye bob with `look="game"` or `"random"` and in `doom-take-cover`; else
+            None.
     """
 
     fixed_position: jax.Array

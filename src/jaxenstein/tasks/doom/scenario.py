@@ -99,6 +99,8 @@ class DoomScenario(FirstPerson[S, P]):
     takes_patterns: ClassVar[bool] = False
     # The game's count of tics at the first observation.
     first_tic: ClassVar[int] = 1
+    # Whether the eye bobs with all looks, not only on the game's screen.
+    always_bobs: ClassVar[bool] = False
     # The game variable that tells whether the goal was reached, if the end of the episode does not.
     success_count: ClassVar[str] = ""
 
@@ -398,4 +400,4 @@ class DoomScenario(FirstPerson[S, P]):
 
     def body_fields(self, body: Body) -> dict[str, jax.Array]:
         """The fields of a state for a body."""
-        return pose_fields(body, self.tiles, self.on_screen)
+        return pose_fields(body, self.tiles, self.on_screen or self.always_bobs)

@@ -22,8 +22,8 @@ from .fight import FightParams, FightState, before_fight, fight, fly_fireballs
 from .fixed import ONE
 from .monster_kinds import IMP, standing
 from .monsters import Horde, Monsters
-from .parts import Game, Health, Part
-from .physics import MOVE_LEFT, MOVE_RIGHT, bob_height, bobbed
+from .parts import Health, Part
+from .physics import MOVE_LEFT, MOVE_RIGHT
 from .projectiles import HITS, Missiles, Projectiles, fireballs
 from .respawn import arrived
 from .scenario import DoomScenario
@@ -60,13 +60,9 @@ class DoomCoverState(FightState):
 
     Attributes:
         fireballs: fireballs in flight.
-        pace: int32[2], the velocity from the player's own steps.
-        steps: int32[2], that velocity as used for the bobbing of the eye.
     """
 
     fireballs: Projectiles
-    pace: jax.Array
-    steps: jax.Array
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -79,6 +75,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
 
     params_class: ClassVar[type[Params]] = DoomCoverParams
     takes_game_look: ClassVar[bool] = True
+    always_bobs: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]] = (MOVE_LEFT, MOVE_RIGHT)
 
     @property
@@ -120,8 +117,6 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
             **self.only_pose(),
             **before_fight(self, none.replace(present=first, tics=none.tics - 1)),
             fireballs=self.fireballs.none(),
-            pace=jnp.zeros(2, jnp.int32),
-            steps=jnp.zeros(2, jnp.int32),
         )
 
     def transition(
@@ -131,10 +126,7 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         fight_key, ball_key, imp_key = jax.random.split(key, 3)
         time = state.time + 1
         action = jnp.where(state.time < _FROZEN, NO_OP, action)
-        pace, angle, buttons = state.pace, state.angle, self.pressed(action)
         state, fought = fight(self, fight_key, state, action, params)
-        steps, pace = bobbed(pace, angle, buttons, state.fixed_velocity, fought.reached.slid)
-        state = state.replace(steps=steps, pace=pace)
         state, hits = fly_fireballs(self, self.fireballs, ball_key, state, fought, params)
         comes = time % jnp.maximum(params.period, 1) == 0
         state = state.replace(monsters=self._joined(imp_key, state.monsters, comes))
@@ -157,16 +149,6 @@ class DoomTakeCover(DoomScenario[DoomCoverState, DoomCoverParams]):
         """Arguments of `Horde.placed`: imps at int32[N, 2] that look west; none is present yet."""
         west = jnp.full(MOST, np.uint32(1 << 31))
         return places, west, jnp.zeros(MOST, bool), jnp.asarray(self.horde.health)
-
-    def lift(self, state: DoomCoverState) -> jax.Array:
-        """The bobbing of the eye while the player walks."""
-        return bob_height(state.steps, state.time) * np.float32(1 / self.unit)
-
-    def from_game(self, state: DoomCoverState, game: Game) -> DoomCoverState:
-        """Read the state of the game, which does not report the pace."""
-        state = super().from_game(state, game)
-        velocity = state.fixed_velocity
-        return state.replace(pace=velocity, steps=velocity * 32 // 29)
 
     def about(self) -> About:
         """A description of the task."""
