@@ -214,7 +214,7 @@ def play(
 def _report(total: int, tally: Tally, most: int) -> None:
     times = f"{total} steps in {tally.seconds:.2f} s, after {tally.compiling:.1f} s of compilation"
     print(f"speed         {si(total / tally.seconds)} steps/s ({times})")
-    print(f"episodes      {tally.ended} ended, {tally.episodes} count")
+    print(f"episodes      {tally.ended} ended, {tally.episodes} counted")
     if not tally.episodes:
         print(
             f"success       unknown: an episode has up to {most} steps, give --steps {most} or more"
