@@ -84,7 +84,7 @@ def test_each_warning_takes_one_line(lab: Path, capsys: pytest.CaptureFixture[st
         (["folder"], "folder: is a directory"),
         (["binary.map"], "binary.map: it is not text"),
         (["broken.map"], "broken.map, line 3: "),
-        (["lab.map", "--out", "lab.map"], "is the input file"),
+        (["lab.map", "--out", "lab.map"], "would overwrite"),
         (["lab.map", "--out", "old.txt"], "old.regions.txt exists"),
         (["plain.map", "--out", "stale.txt"], "stale.faces.txt exists"),
         (["--minigrid", "MiniGrid-FourRooms-v0", "--seed", "-1"], "--seed"),

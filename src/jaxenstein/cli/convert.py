@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import MapWarning
-from ..files import atomic, check_writable
+from ..files import atomic, check_apart, check_writable
 from ..maps.map_files import beside, read_text
 from .arguments import Parser, UsageError, add_seed, flag
 from .opening import printing_warnings
@@ -110,8 +110,7 @@ def _summary(tilemap: TileMap, cells: str, more: dict[str, int]) -> list[str]:
 
 def _check_out(out: Path, file: Path | None, with_faces: bool) -> None:
     """Raise if the output would overwrite the source, or be read together with old files."""
-    if file is not None and os.path.exists(out) and out.samefile(file):
-        raise UsageError(f"jaxenstein convert: --out {out} is the input file")
+    check_apart([out], [file])
     for kind in ("regions",) if with_faces else ("regions", "faces"):
         other = beside(out, kind)
         if os.path.exists(other):
