@@ -232,6 +232,14 @@ def test_each_step_draws_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(drawn) == 1
 
 
+def test_seeds_do_not_depend_on_the_default_generator() -> None:
+    keys = []
+    for kind in ("threefry2x32", "rbg"):
+        with jax.default_prng_impl(kind):
+            keys.append(np.asarray(jax.random.key_data(batch_calls.keys_of([7, 2**40]))))
+    np.testing.assert_array_equal(*keys)
+
+
 def test_batch_spreads_over_cores() -> None:
     run_with_devices(2, "-m", "tests.adapters.cores_run")
 

@@ -61,7 +61,10 @@ def test_score_from_returns_only(words: list[str], capsys: pytest.CaptureFixture
         ["", "ppo", "2", "2", "0.75", "75.0%"],
     ]
     right = statistics.probability_of_improvement(scores_of(RND), scores_of(PPO))
-    assert f"probability that rnd scores higher than ppo: {right:.3f}, 95 % " in chance
+    assert (
+        f"probability that rnd scores higher than ppo, ties counted half: {right:.3f}, 95 % "
+        in chance
+    )
 
 
 def test_aggregates_and_files(
@@ -122,7 +125,8 @@ def test_baselines_stand_beside_the_own_agent(
     assert report["policies"]["mine"]["tasks"]["simple"]["actions"] == "sampled"
     assert [*report["policies"]] == ["mine", "PPO (baseline)", "RND (baseline)"]
     for name, chance in report["probability_of_improvement"].items():
-        assert f"\nprobability that mine scores higher than {name}: {chance['value']:.3f}" in shown
+        told = f"\nprobability that mine scores higher than {name}, ties counted half: "
+        assert f"{told}{chance['value']:.3f}" in shown
     assert [*report["probability_of_improvement"]] == ["PPO (baseline)", "RND (baseline)"]
     assert "mine departs from the protocol: 1 of 5 training seeds" in shown
     assert re.search(r"\nmine +\S+ +- +\S+ +- +\S+ +- +\S+ +-\n", shown)

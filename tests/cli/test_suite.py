@@ -6,6 +6,7 @@ import contextlib
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,8 +14,9 @@ pytest.importorskip("flax")
 
 from jaxenstein import suite
 from jaxenstein.baselines.runs.folder import RunFolder
+from jaxenstein.baselines.runs.trained import Trained
 from jaxenstein.cli import main
-from jaxenstein.results import read_results
+from jaxenstein.results import Results, read_results
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -41,7 +43,9 @@ def two_tasks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("two_tasks")
-def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
+def test_train_evaluate_score(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *SHORT_TRAINING, *TINY_NETWORK]
     assert main(train) == 0
     for task in ("t-maze", "simple"):
@@ -52,11 +56,13 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
     assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
     assert main([*train, "--resume"]) == 0
 
+    monkeypatch.setattr(Trained, "finite", lambda trained, run: run == 0)
     # The agents have the name of the folder.
     with contextlib.chdir("rnd"):
         assert main(["evaluate", ".", "--suite", "--episodes", "2", "--json", "../rnd.json"]) == 0
     out, err = capsys.readouterr()
     assert "fewer than the benchmark's 3,000,000 decisions: t-maze, simple\n" in err
+    assert "warning: t-maze: the parameters of seed-1 are not finite" in err
     shown = [line.split() for line in out.splitlines()]
     assert [line[0] for line in shown[-3:-1]] == ["t-maze", "simple"]
     results = read_results("rnd.json")
@@ -96,6 +102,8 @@ def test_train_evaluate_score(capsys: pytest.CaptureFixture[str]) -> None:
         (["--frame-skip", "2"], "--suite fixes --frame-skip; leave it out"),
         (["--env", "simple"], "--suite fixes --env; leave it out"),
         (["--set", "look=plain"], "--suite fixes --set; leave it out"),
+        (["--grid", "clip=0.1,0.2"], "--suite fixes --grid; leave it out"),
+        (["--rnd-loss", "2"], "rnd_loss has no effect on ppo, only on rnd"),
         (["--total-steps", "100"], "--suite fixes --total-steps; leave it out; --budget X"),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
@@ -155,6 +163,25 @@ def test_seeds_of_an_own_policy_are_scored_together(capsys: pytest.CaptureFixtur
     ):
         assert main(words) == 2, words
         assert told in capsys.readouterr().err, words
+
+
+@pytest.mark.usefixtures("two_tasks")
+def test_an_interrupted_evaluation_keeps_the_finished_tasks(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from jaxenstein.evaluation import evaluate_player
+
+    def play(env: Any, *arguments: Any) -> Results:
+        if env.name == "simple":
+            raise KeyboardInterrupt
+        return evaluate_player(env, *arguments)
+
+    monkeypatch.setattr("jaxenstein.evaluation.evaluate_player", play)
+    words = ["evaluate", "--policy", "idle", "--suite", "--episodes", "2", "--json", "idle.json"]
+    assert main(words) == 130
+    assert "idle.json has 1 of 2 tasks" in capsys.readouterr().err
+    (found,) = read_results("idle.json")
+    assert found.environment.id == "t-maze"
 
 
 @pytest.mark.usefixtures("two_tasks")

@@ -28,7 +28,9 @@ def keys_of(seeds: Sequence[int]) -> jax.Array:
 # operations takes longer to compile.
 @jax.jit
 def _keys_of(low: jax.Array, high: jax.Array) -> jax.Array:
-    return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a), b))(low, high)
+    return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a, impl="threefry2x32"), b))(
+        low, high
+    )
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -104,7 +106,8 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
         return numbers.unpack(jnp.zeros(numbers.words, jnp.uint32))
 
     def kept() -> Any:
-        return jax.random.key(0), drawing.first_state(env, jax.random.key(0), params())
+        key = jax.random.key(0, impl="threefry2x32")
+        return key, drawing.first_state(env, key, params())
 
     def outcome(key: jax.Array, drawn: Any) -> Any:
         return drawing.outcome(env, key, key, drawn, jnp.int32(0), params())[2:]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import suite
 from ..episodes.policies import Scripted
 from ..errors import quoted
 from ..files import check_apart, check_writable
@@ -71,6 +73,8 @@ environment that is not a sparse variant.
 --policy NAME plays with a scripted player of the task, such as random, idle or expert. Scripted
 players see the whole state.
 
+The points of a grid are separate rows of the table, and separate policies in --json.
+
 --suite tests an agent on every task of the benchmark, with sampled actions. Give --policy, or the
 folder of 'jaxenstein train --suite' as RUN. Tasks with a split are played on their test levels.
 'jaxenstein score --suite' reads the file that --json writes."""
@@ -129,6 +133,10 @@ def run(options: argparse.Namespace) -> None:
         check_writable(options.json)
     if options.gif is not None:
         check_animation(options.gif)
+    elif options.greedy or options.number is not None:
+        raise UsageError(
+            "jaxenstein evaluate: --run and --greedy choose the agent of the film: they need --gif"
+        )
     if options.suite is not None:
         _suite(options)
         return
@@ -167,8 +175,19 @@ def _check_policy(options: argparse.Namespace) -> None:
 
 def _suite(options: argparse.Namespace) -> None:
     """Test on all tasks of the benchmark."""
-    played = list(suite_commands.evaluated(options))
-    with written_anyway(options.json, lambda path: _write(path, [one for _, one in played])):
+    played: list[tuple[Any, Results]] = []
+
+    def write(path: Path) -> None:
+        if 0 < len(played) < len(suite.TASKS):
+            told = f"{path} has {len(played)} of {len(suite.TASKS)} tasks"
+            print(f"jaxenstein: warning: {told}", file=sys.stderr)
+        if played:
+            _write(path, [one for _, one in played])
+
+    # After an interruption or an error, the file has the finished tasks.
+    with written_anyway(options.json, write):
+        for one in suite_commands.evaluated(options):
+            played.append(one)
         print(suite_commands.table(played))
 
 
@@ -249,26 +268,47 @@ def _trained(options: argparse.Namespace) -> Evaluated:
         agents.chosen_run(trained, options.number)
     many = len(trained.experiment.runs)
     settings = {"episodes": options.episodes, "seed": options.seed}
-    total = len(agents.WAYS) * many * options.episodes
+    points, results = trained.points(), {}
+    total = len(agents.WAYS) * options.episodes * many
+    each = total // len(points)
     with Progress(total, "evaluating", unit="episodes", compiles=True) as progress:
-        results = agents.evaluate_both(trained, notify=progress.update, **settings)
+        for number, point in enumerate(points):
+            results |= {
+                _row(way, point, points): result
+                for way, result in agents.evaluate_both(
+                    point,
+                    notify=lambda done, before=number * each: progress.update(before + done),
+                    **settings,
+                ).items()
+            }
     if options.game is not None:
+        turns = [(point, way) for point in points for way in agents.WAYS]
         with Progress(total, "playing ViZDoom", unit="episodes") as progress:
-            for index, (name, greedy) in enumerate(agents.WAYS.items()):
-                done = index * total // len(agents.WAYS)
-                results[f"{name}, in ViZDoom"] = agents.evaluate_in_game(
-                    trained,
-                    greedy=greedy,
-                    notify=lambda more, done=done: progress.update(done + more),
+            for number, (point, way) in enumerate(turns):
+                before = number * total // len(turns)
+                results[_row(f"{way}, in ViZDoom", point, points)] = agents.evaluate_in_game(
+                    point,
+                    greedy=agents.WAYS[way],
+                    notify=lambda done, before=before: progress.update(before + done),
                     **settings,
                 )
     updates = trained.experiment.config.updates
     runs = f"{many} run{'s' * (many > 1)}, {options.episodes} episodes each"
     heading = f"{options.folder}: update {trained.update} of {updates}, {runs}"
-    best = results["greedy" if options.greedy else "sampled"].best
-    number = best if options.number is None else options.number
-    actor = functools.partial(agents.TrainedPolicy, trained, number, options.greedy)
+    if options.number is not None:
+        point, number = trained, options.number
+    else:
+        way = "greedy" if options.greedy else "sampled"
+        played = [(point, results[_row(way, point, points)]) for point in points]
+        point, its = max(played, key=lambda pair: pair[1].returns.mean(axis=1).max())
+        number = its.best
+    actor = functools.partial(agents.TrainedPolicy, point, number, options.greedy)
     return Evaluated(heading, env, results, actor)
+
+
+def _row(way: str, point: Trained, points: Sequence[Trained]) -> str:
+    """The name of a row of the table: how agents act, and their point of the grid."""
+    return way if len(points) == 1 else f"{way}, {point.name.partition(', ')[2]}"
 
 
 def _changed(trained: Trained, given: dict[str, Any]) -> Trained:

@@ -143,12 +143,16 @@ def handling(names: Iterable[str], handler: Callable[[int, object], None]) -> It
 @contextlib.contextmanager
 def printing_warnings() -> Iterator[None]:
     """Print warnings about maps, levels and agents at the end, each once and on one line."""
-    with warnings.catch_warnings(record=True) as caught:
-        for kind in (MapWarning, LevelWarning, DivergenceWarning):
-            warnings.simplefilter("always", kind)
-        yield
-    for text in dict.fromkeys(str(warning.message) for warning in caught):
-        _tell(text)
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            for kind in (MapWarning, LevelWarning, DivergenceWarning):
+                warnings.simplefilter("always", kind)
+            yield
+    finally:
+        # An error may follow from what a warning says.
+        for text in dict.fromkeys(str(warning.message) for warning in caught):
+            _tell(text)
 
 
 @contextlib.contextmanager
@@ -288,6 +292,14 @@ def named(given: dict[str, Any], command: str) -> dict[str, Any]:
             "all ids) or a map with --map-file FILE"
         )
     return given
+
+
+def check_effect(options: argparse.Namespace, algos: Sequence[str]) -> None:
+    """Raise a `SettingError` if a flag of a training has no effect on these algorithms.
+
+    A config file may have options of several algorithms.
+    """
+    baselines("options").check_effect(given_options(options), algos)
 
 
 def given_training(options: argparse.Namespace) -> dict[str, Any]:

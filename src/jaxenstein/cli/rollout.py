@@ -161,7 +161,7 @@ def compile_rollout(
         return carry, image[:, ::thin, ::thin]
 
     stepping = jax.vmap(env.step, in_axes=(0, 0, 0, None))
-    key, reset_key = jax.random.split(jax.random.key(seed))
+    key, reset_key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
     keys = jax.random.split(reset_key, envs)
     obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, params)
     carry = {"key": key, "obs": obs, "state": state, "returns": jnp.zeros(envs, jnp.float32)}

@@ -171,8 +171,8 @@ def _print(
         print()
     for other, chance in chances.items():
         print(
-            f"probability that {next(iter(compared))} scores higher than {other}: "
-            f"{chance.value:.3f}, 95 % {chance.low:.3f} - {chance.high:.3f}"
+            f"probability that {next(iter(compared))} scores higher than {other}, ties counted "
+            f"half: {chance.value:.3f}, 95 % {chance.low:.3f} - {chance.high:.3f}"
         )
 
 

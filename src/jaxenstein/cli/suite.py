@@ -41,7 +41,7 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
     from ..settings import PLACES, environment_options
 
     chosen = suite.suite_of(name)
-    fixed = {*environment_options(), *PLACES, "total_steps"} & {*given}
+    fixed = {*environment_options(), *PLACES, "total_steps", "grid"} & {*given}
     if fixed:
         flags = ", ".join(map(flag_of, sorted(fixed)))
         raise UsageError(
@@ -124,7 +124,14 @@ def trained_on(task: suite.Task, folder: Path, chosen: suite.Suite) -> Trained:
     path = folder / task.id
     with printing_warnings():
         trained = baselines("agents").load_trained(path)
+        for run in range(len(trained.experiment.runs)):
+            trained.warn(run)
     about = trained.experiment
+    if about.grid:
+        varied = ", ".join(name for name, _ in about.grid)
+        raise SettingError(
+            f"{path} has a grid of {varied}: the agents of the benchmark differ only in their seed"
+        )
     if fault := difference(chosen.spec(task), about.environment):
         raise SettingError(
             f"{path}: {fault[0]} is {fault[2]}, but {fault[1]} in the {chosen.name} suite"
@@ -137,19 +144,21 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
     """Test the agents of `jaxenstein train --suite`."""
     agents = baselines("agents")
     found = {task.id: trained_on(task, folder, chosen) for task in suite.TASKS}
-    short = [
-        id
+    budgets = {
+        id: trained.update
+        - trained.experiment.config.replace(total_steps=chosen.total_steps).updates
         for id, trained in found.items()
-        if trained.update
-        < trained.experiment.config.replace(total_steps=chosen.total_steps).updates
-    ]
-
-    if short:
-        print(
-            f"jaxenstein: warning: agents in {folder} were trained for fewer than the "
-            f"benchmark's {chosen.total_steps:,} decisions: {', '.join(short)}",
-            file=sys.stderr,
-        )
+    }
+    for amount, ids in (
+        ("fewer", [id for id, excess in budgets.items() if excess < 0]),
+        ("more", [id for id, excess in budgets.items() if excess > 0]),
+    ):
+        if ids:
+            print(
+                f"jaxenstein: warning: agents in {folder} were trained for {amount} than the "
+                f"benchmark's {chosen.total_steps:,} decisions: {', '.join(ids)}",
+                file=sys.stderr,
+            )
 
     def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:
         trained = found[task.id]

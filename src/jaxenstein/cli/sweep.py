@@ -13,6 +13,7 @@ from .opening import (
     add_config,
     add_training_options,
     baselines,
+    check_effect,
     given_training,
     named,
     printing_warnings,
@@ -72,6 +73,7 @@ def run(options: argparse.Namespace) -> int:
     if options.no_grid and given.get("grid"):
         raise UsageError("jaxenstein sweep: give either --no-grid or --grid, not both")
     with printing_warnings():
+        check_effect(options, algos)
         planned = sweeps.plan(given, algos, options.at_once, paper=not options.no_grid)
     check_links(options.out)
     code = carry_out(openings(options, planned), options)

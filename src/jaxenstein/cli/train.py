@@ -25,6 +25,7 @@ from .opening import (
     add_config,
     add_training_options,
     baselines,
+    check_effect,
     given_training,
     handling,
     import_module_of,
@@ -212,6 +213,7 @@ def train_suite(options: argparse.Namespace) -> int:
     check_links(options.out)
     with printing_warnings():
         planned = planned_suite(options.suite, given_training(options), options.budget)
+    check_effect(options, [experiment.config.algo for experiment in planned.values()][:1])
     return carry_out(openings(options, planned), options)
 
 
@@ -265,11 +267,15 @@ def open_folder(options: argparse.Namespace) -> RunFolder:
 
     given = given_training(options)
     if not options.resume:
-        return runs.RunFolder.create(options.out, parsing.resolve(named(given, "train")))
+        experiment = parsing.resolve(named(given, "train"))
+        check_effect(options, [experiment.config.algo])
+        return runs.RunFolder.create(options.out, experiment)
     folder = runs.RunFolder.open(options.out)
     if given:
         before = parsing.given_by(folder.experiment)
-        folder.continue_as(parsing.resolve(merge(before, given)))
+        experiment = parsing.resolve(merge(before, given))
+        check_effect(options, [experiment.config.algo])
+        folder.continue_as(experiment)
     return folder
 
 

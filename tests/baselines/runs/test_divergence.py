@@ -150,8 +150,8 @@ def test_curves_of_diverged_runs_are_empty(mixed: RunFolder) -> None:
     assert shown == ["run, learning_rate 1e+38 (diverged)", "run, learning_rate 0.001"]
 
 
-def test_plot_counts_diverged_seeds(tmp_path: Path) -> None:
-    """The last of three seeds diverges at the fourth update."""
+def test_plot_leaves_out_diverged_seeds(tmp_path: Path) -> None:
+    """The last of three seeds diverges at the fourth update; until then its returns are lower."""
     pytest.importorskip("matplotlib")
     from jaxenstein.baselines.runs.curves import plot
 
@@ -160,16 +160,20 @@ def test_plot_counts_diverged_seeds(tmp_path: Path) -> None:
         {
             "update": update,
             "steps": 32 * update,
-            "episodes": 0,
+            "episodes": 1,
+            "return": float(run < 2),
+            "return_sum": float(run < 2),
             "diverged": (run == 2) * (update > 3),
         }
         for update in range(1, UPDATES + 1)
         for run in range(3)
     ]
     (folder.path / METRICS).write_text("".join(json.dumps(row) + "\n" for row in rows))
-    (curve,) = curves_of(folder.path, "steps")
+    (curve,) = curves_of(folder.path, "return")
     assert curve.diverged == (2,)
-    legend = plot([curve], "steps").axes[0].get_legend()
+    (axes,) = plot([curve]).axes
+    assert set(np.asarray(axes.lines[0].get_ydata())) == {1.0}
+    legend = axes.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["run (3 runs, 1 diverged)"]
 

@@ -28,7 +28,7 @@ from jaxenstein.episodes.recorder import record
 from jaxenstein.episodes.session import Session
 from jaxenstein.interactive.game import AgentGame
 from jaxenstein.results import read_results
-from tests.baselines.tiny import OPTIONS, untrained_run
+from tests.baselines.tiny import OPTIONS, tiny, untrained_run
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -114,6 +114,24 @@ def test_command_evaluates_and_writes_animation(
         assert read.environment.build() == trained.experiment.environment.build()
     with Image.open(film) as image:
         assert 2 <= getattr(image, "n_frames", 1) <= 11
+
+
+def test_command_evaluates_each_point_of_a_grid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = untrained_run(tmp_path / "tiny", tiny(grid={"clip": [0.1, 0.2]}))
+    report = tmp_path / "report.json"
+    arguments = ["evaluate", str(folder.path), "--episodes", "3", "--json", str(report)]
+    assert main(arguments) == 0
+    assert "\nsampled, clip 0.2 " in capsys.readouterr().out
+    together = evaluate(load_trained(folder.path), episodes=3)
+    found = [one for one in read_results(report) if one.actions == "sampled"]
+    assert [one.policy for one in found] == ["tiny, clip 0.1", "tiny, clip 0.2"]
+    assert {one.names for one in found} == {("seed-0", "seed-1")}
+    np.testing.assert_array_equal(np.concatenate([one.lengths for one in found]), together.lengths)
+    for flag in (["--run", "1"], ["--greedy"]):
+        assert main([*arguments, *flag]) == 2
+        assert "--run and --greedy choose the agent of the film" in capsys.readouterr().err
 
 
 def test_command_evaluates_in_another_environment(

@@ -155,6 +155,14 @@ def test_experiment_round_trips_through_json() -> None:
     assert tiny().config.convolutions == ((4, 4, 4),)
 
 
+def test_none_is_an_option_that_is_kept() -> None:
+    """The recipe sets another value for each of these."""
+    given = QUICK | {"recipe": "long", "gamma": None, "bonus_gamma": None, "algo": "rnd"}
+    experiment = resolve(given)
+    assert experiment.hparams["gamma"] is None
+    assert resolve(given_by(experiment)).differences(experiment) == []
+
+
 def test_alias_gives_the_same_experiment() -> None:
     one = resolve(QUICK | {"env": "key-corridor-s4r3"})
     assert one.differences(resolve(QUICK | {"env": "key-corridor"})) == []
@@ -183,6 +191,11 @@ def test_alias_gives_the_same_experiment() -> None:
         ({"seeds": 0}, "seeds must be a whole number >= 1, not 0"),
         ({"seed": -1}, "seed must be a whole number from 0"),
         ({"grid": {"clips": [1.0]}}, "unknown number in a grid: 'clips', did you mean 'clip'"),
+        ({"grid": {"bonus_reward": [1.0]}}, "bonus_reward has no effect on ppo, only on rnd, icm"),
+        (
+            {"grid": {"rnd_loss": [1.0]}, "algo": "icm"},
+            "rnd_loss has no effect on icm, only on rnd",
+        ),
         ({"grid": {"clip": []}}, "grid.clip must be a list of different numbers"),
         ({"grid": {"clip": [0.1, 0.1]}}, "grid.clip must be a list of different numbers"),
         ({"grid": {"clip": [0.1, -1]}}, "clip must be a finite number above 0"),

@@ -237,11 +237,12 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
     figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     for curve in curves:
-        runs = len(curve.values)
-        mean, low, high = band(curve.values)
+        runs, lost = len(curve.values), len(curve.diverged)
+        # If all runs diverged, the curve shows them until then.
+        kept = curve.values if lost == runs else np.delete(curve.values, curve.diverged, 0)
+        mean, low, high = band(kept)
         there = ~np.isnan(mean)
         many = [f"{runs} runs"] * (runs > 1)
-        lost = len(curve.diverged)
         many += [f"{lost} diverged" if runs > 1 else "diverged"] * bool(lost)
         count = f" ({', '.join(many)})" if many else ""
         # A line through a single point would be invisible.
@@ -250,7 +251,7 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         (line,) = axes.plot(
             at, mean[there], marker=marker, label=in_figure(f"{curve.label}{count}")
         )
-        if runs > 1:
+        if len(kept) > 1:
             colour = line.get_color()
             axes.fill_between(at, low[there], high[there], color=colour, alpha=0.2, lw=0)
     # Beside a run, steps of other programs count as decisions.

@@ -11,15 +11,16 @@ import dataclasses
 import functools
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...errors import SettingError, one_line, quoted
-from ...fields import Domain, Option, check_names, is_number, options_of
+from ...fields import Domain, Option, check_names, is_number, names_of, options_of
 from ...files import read_text, reason_of
 from ...settings import checked, environment_options, spec_from
 from ...settings import given_by as environment_given_by
+from ..bonuses import NoBonus
 from ..config import Algorithm, Config, HParams, algorithms
 from ..networks import PATCHES, SMALL
 from .experiment import Experiment, check_seeds
@@ -232,8 +233,9 @@ def resolve(given: Mapping[str, Any]) -> Experiment:
 def given_by(experiment: Experiment) -> dict[str, Any]:
     """The options from which `resolve` makes this experiment."""
     varied = dict(experiment.grid)
-    given = {
-        **environment_given_by(experiment.environment),
+    place = environment_given_by(experiment.environment)
+    return {
+        **{name: value for name, value in place.items() if value is not None},
         "recipe": experiment.recipe,
         "network": experiment.network,
         **experiment.config.flat(),
@@ -242,7 +244,19 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
         "seeds": len(experiment.seeds),
         "grid": {name: list(values) for name, values in varied.items()},
     }
-    return {name: value for name, value in given.items() if value is not None}
+
+
+def check_effect(names: Iterable[str], algos: Sequence[str]) -> None:
+    """Raise a `SettingError` if an option changes the training of none of these algorithms."""
+    for name in names:
+        if name.startswith("bonus_"):
+            users = [algo for algo, row in algorithms().items() if row.bonus is not NoBonus]
+        else:
+            users = [algo for algo, row in algorithms().items() if name in names_of(row.options)]
+        if users and not {*users} & {*algos}:
+            raise SettingError(
+                f"{name} has no effect on {' or '.join(algos)}, only on {', '.join(users)}"
+            )
 
 
 def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
@@ -252,6 +266,7 @@ def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
 
 def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Check a grid; a `SettingError` if the algorithm lacks a hyperparameter."""
+    check_effect(table, [algo])
     check_names(table, HParams.of(algo, {}).flat(), "number in a grid:")
     grid = []
     for name, values in table.items():

@@ -12,7 +12,7 @@ import json
 import os
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,7 +27,7 @@ from ...results import Results
 from ..divergence import Divergence
 from .checkpoints import open_entry, read_tree, reason_of_any
 from .description import described
-from .experiment import Experiment
+from .experiment import Experiment, exact
 from .folder import CONFIG, RunFolder, checked, run_names, versions
 
 Weights = Literal["float16", "float32"]
@@ -78,17 +78,35 @@ class Trained:
 
     def one(self, run: int) -> Trained:
         """One of the runs, as if it had been trained alone."""
-        seed, numbers = int(self.experiment.runs[run]["seed"]), dict(self.experiment.runs[run])
+        update = self.diverged[run].update - 1 if run in self.diverged else self.update
+        return dataclasses.replace(self._part([run]), update=update)
+
+    def points(self) -> list[Trained]:
+        """The runs of each point of the grid, as if they had been trained alone.
+
+        Their names contain the values of the point. Without a grid it is the whole.
+        """
+        if not self.experiment.grid:
+            return [self]
+        points: dict[str, list[int]] = {}
+        for number, run in enumerate(self.experiment.runs):
+            varied = (f"{name} {exact(run[name])}" for name, _ in self.experiment.grid)
+            points.setdefault(", ".join([self.name, *varied]), []).append(number)
+        return [dataclasses.replace(self._part(runs), name=name) for name, runs in points.items()]
+
+    def _part(self, runs: Sequence[int]) -> Trained:
+        """Runs of one point of the grid."""
+        seeds = tuple(int(self.experiment.runs[run]["seed"]) for run in runs)
+        numbers = dict(self.experiment.runs[runs[0]])
         del numbers["seed"]
         experiment = dataclasses.replace(
             self.experiment,
-            seeds=(seed,),
+            seeds=seeds,
             grid=(),
             hparams={**self.experiment.hparams, **numbers},
         )
-        params = jax.tree.map(lambda leaf: leaf[run : run + 1], self.params)
-        update = self.diverged[run].update - 1 if run in self.diverged else self.update
-        return Trained(self.name, experiment, params, update)
+        params = jax.tree.map(lambda leaf: leaf[np.array(runs)], self.params)
+        return Trained(self.name, experiment, params, self.update)
 
 
 def load_trained(path: str | Path) -> Trained:
