@@ -64,12 +64,11 @@ demo: $(VENV)/.baselines ## train an agent in about 3 minutes; its curve and a G
 	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
 	$(BIN)/jaxenstein evaluate $(DEMO)/run --gif $(DEMO)/agent.gif
 
-bench: ## run all benchmarks and write docs/benchmarks.md (75 minutes; QUICK=1: a few minutes)
+bench: ## run all benchmarks; pages go to build/benchmarks/pages (75 minutes; QUICK=1: a few minutes)
 	@$(MAKE) --no-print-directory VENV=$(BENCH)/main $(BENCH)/main/.bench
 	$(BENCH)/main/bin/python -m benchmarks.install
 	$(BENCH)/main/bin/python -m benchmarks --json $(RESULTS) $(if $(QUICK),--quick) $(ARGS)
-	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS) \
-		$(if $(QUICK),--out $(RESULTS)/pages)
+	$(BENCH)/main/bin/python -m benchmarks.report $(RESULTS)
 
 compare: $(VENV)/.bench ## compare the speed with ViZDoom, on one core
 	$(BIN)/python -m benchmarks peers --only vizdoom-gymnasium vizdoom-raw loop scan $(ARGS)
@@ -87,8 +86,11 @@ endurance: $(VENV)/.dev ## check every state of millions of steps; ARGS="--steps
 	$(BIN)/python -m reliability.endurance $(ARGS)
 
 clean: ## remove .venv and all generated files
-	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist .coverage .pytest_cache .ruff_cache .hypothesis
-	find src tests benchmarks docs fidelity reliability -name __pycache__ -type d -prune -exec rm -rf {} +
+	rm -rf $(VENV) .nox $(BENCH) $(DEMO) fuzz docs/_build docs/environments docs/commands.md build dist \
+		benchmarks/results/here _vizdoom _vizdoom.ini \
+		.coverage .pytest_cache .ruff_cache .hypothesis
+	find src tests benchmarks docs examples experiments fidelity reliability \
+		-name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp is written only after its step has succeeded, so an interrupted step runs again.
 # An existing environment with a working pip is kept.

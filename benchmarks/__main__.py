@@ -14,8 +14,8 @@ from typing import Any
 from benchmarks.measure import FORMAT, Groups, Settings, measure
 from benchmarks.parts import NAMED, PARTS, QUICK, ROUNDS, Plan
 from benchmarks.tables import rows_of, table_of
+from fidelity.commands import positive, run_command
 from jaxenstein.cli.arguments import whole
-from jaxenstein.errors import JAXensteinError
 from jaxenstein.files import OutputError, atomic, check_writable, make_folder
 from jaxenstein.machine import describe_machine
 
@@ -30,8 +30,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"unknown part: {', '.join(unknown)}; known: {', '.join(PARTS)}")
     usual = _settings(options, parser)
+    names = options.parts or [name for name in PARTS if name not in NAMED]
+    groups = {name: PARTS[name](QUICK if usual.quick else Plan()) for name in names}
+    every = dict.fromkeys(row.name for part in groups.values() for group in part for row in group)
+    for word in options.only or ():
+        if not any(name.startswith(word) for name in every):
+            known = ", ".join(map(repr, every))
+            parser.error(f"--only: no name of a subject starts with {word!r}; there are {known}")
     folder = make_folder(options.json) if options.json else None
-    for name in options.parts or [name for name in PARTS if name not in NAMED]:
+    for name in names:
+        if not (subjects := chosen(groups[name], options.only)):
+            continue
         rounds = usual.rounds if options.rounds or usual.quick else ROUNDS.get(name, usual.rounds)
         settings = dataclasses.replace(usual, rounds=rounds)
         file = folder / f"{name}.json" if folder else None
@@ -40,8 +49,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         if file and not options.again and is_there(file, settings):
             print(f"{name}: {file} already exists (--again measures it again)")
             continue
-        groups = PARTS[name](QUICK if settings.quick else Plan())
-        report = {"part": name, **measure(chosen(groups, settings.only), settings)}
+        report = {"part": name, **measure(subjects, settings)}
         rows = rows_of(report)
         print(f"{name}\n\n{table_of(name, rows)}\n", flush=True)
         for row in rows:
@@ -115,7 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--quick", action="store_true", help="tiny sizes, to test that everything works")
     add("--core", type=int, metavar="N", help="core to use (default: the last)")
     add("--rounds", type=whole(), metavar="N", help="rounds (default 7; starts 3)")
-    add("--seconds", type=float, metavar="S", help="length of a chunk (default 1)")
+    add("--seconds", type=positive, metavar="S", help="length of a chunk (default 1)")
     only = "only subjects whose names start with NAME, such as scan-64, and their references"
     add("--only", nargs="+", metavar="NAME", help=only)
     add("--again", action="store_true", help="measure existing parts again")
@@ -124,9 +132,7 @@ def _parser() -> argparse.ArgumentParser:
 
 if __name__ == "__main__":
     try:
-        main()
-    except JAXensteinError as error:
-        raise SystemExit(f"benchmarks: {error}") from error
+        run_command(main)
     except KeyboardInterrupt:
         print("\nstopped: repeat the command to continue", file=sys.stderr)
         raise SystemExit(130) from None

@@ -11,6 +11,7 @@ tiny sizes: `--batches 4 --sizes 16x16 --copy-bytes 65536`.
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import statistics
 from collections.abc import Callable, Sequence
@@ -24,6 +25,7 @@ import numpy as np
 import jaxenstein
 from benchmarks.subjects.frames import make_frames
 from benchmarks.tables import WHOLE, column, markdown
+from fidelity.commands import positive, run_command
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli.arguments import size as image_size
 from jaxenstein.cli.arguments import whole
@@ -109,7 +111,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     bandwidth = copy_bandwidth(options.copy_bytes)
     print(f"{device}, JAX {jax.__version__}: copies at {bandwidth / 1e9:,.0f} GB/s\n", flush=True)
     print(markdown(COLUMNS, []), flush=True)
-    report = {**describe_machine(), "device": device, "copy_bytes_per_second": bandwidth}
+    kept = ("ids", "batches", "sizes", "seconds", "repeats", "steps", "copy_bytes")
+    report = {
+        "began": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        **describe_machine(),
+        "settings": {name: getattr(options, name) for name in kept},
+        "device": device,
+        "copy_bytes_per_second": bandwidth,
+    }
     rows = []
     cases = [(i, s, b) for i in options.ids for s in options.sizes for b in options.batches]
     for name, size, batch in cases:
@@ -134,12 +143,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--ids", nargs="+", default=list(MAIN_IDS), choices=ids, metavar="ID")
     add("--batches", type=_list(whole()), default=list(BATCHES), metavar="N,...")
     add("--sizes", type=_list(image_size), default=list(SIZES), metavar="WxH,...")
-    add("--seconds", type=float, default=0.3, help="seconds per repeat (default 0.3)")
+    add("--seconds", type=positive, default=0.3, help="seconds per repeat (default 0.3)")
     add("--repeats", type=whole(), default=5, help="repeats (default 5)")
     add("--steps", type=whole(), metavar="T", help="maximum number of steps per call")
     add(
         "--copy-bytes",
-        type=whole(),
+        type=whole(4),
         default=2**30,
         metavar="N",
         help="bytes of a copy (default 1 GiB)",
@@ -149,4 +158,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -13,6 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -38,10 +39,17 @@ class Found(NamedTuple):
     problem: str = ""
 
 
+_PROJECT = tomllib.loads((FOLDER.parent / "pyproject.toml").read_text("utf-8"))["project"]
+_EXTRAS = _PROJECT["optional-dependencies"]
 # The requirements of this project, to measure it through Gymnasium.
-_CORE = ("jax>=0.7", "numpy>=2.0", "pillow>=10.1")
-_OPENCV, _VIZDOOM, _GYMNASIUM = "opencv-python-headless>=4.11", "vizdoom>=1.3", "gymnasium>=1.1"
-_TRAINING = ("torch>=2.6", "stable-baselines3>=2.4", "sb3-contrib>=2.4")
+_CORE = tuple(_PROJECT["dependencies"])
+_OPENCV, _VIZDOOM, _GYMNASIUM, _TORCH, _SB3 = (
+    next(each for each in _EXTRAS[extra] if each.startswith(name))
+    for extra, name in (
+        ("bench", "opencv"), ("bench", "vizdoom"), ("bench", "gymnasium"), ("torch", "torch"),
+        ("sb3", "stable"),
+    )
+)  # fmt: skip
 
 PEERS: dict[str, Peer] = {
     "vizdoom": Peer((_VIZDOOM, _GYMNASIUM, _OPENCV), ("vizdoom", "gymnasium", "cv2")),
@@ -50,7 +58,7 @@ PEERS: dict[str, Peer] = {
     "gymnasium": Peer((*_CORE, _GYMNASIUM), ("jax", "gymnasium")),
     "jax-0.10": Peer((*_CORE, "jax<0.11", _GYMNASIUM), ("jax", "gymnasium"), separate=True),
     "training": Peer(
-        (*_TRAINING, _VIZDOOM, _GYMNASIUM, _OPENCV),
+        (_TORCH, _SB3, "sb3-contrib>=2.4", _VIZDOOM, _GYMNASIUM, _OPENCV),
         ("torch", "stable_baselines3", "sb3_contrib", "vizdoom", "gymnasium", "cv2"),
     ),
 }

@@ -98,7 +98,9 @@ class Worker:
         command = [str(Path(found.python).absolute()), *PROGRAM, subject.name]
         if core is not None and subject.pinned:
             command += ["--core", str(core)]
-        environment = dict(os.environ) | {"PYTHONPATH": str(ROOT)}
+        # The caller's JAX may have a cache on disk, which would hide compile times.
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}
+        environment = kept | {"PYTHONPATH": str(ROOT)}
         if subject.flags is not None:
             environment["PYTHONPATH"] += f"{os.pathsep}{ROOT / 'src'}"
             environment |= {"JAX_PLATFORMS": "cpu", "XLA_FLAGS": subject.flags}

@@ -1,9 +1,10 @@
-"""Fill the numbers of `docs/benchmarks.md` and the pages below it from results.
+"""Fill the tables of `docs/benchmarks.md` and the pages below it from results.
 
     python -m benchmarks.report DIR [--out FOLDER]
 
 Every table and plot between `<!-- WHAT -->` and `<!-- end -->` in a page comes from the files of
-DIR, which `python -m benchmarks --json DIR` writes. The rest of a page is not changed.
+DIR, which `python -m benchmarks --json DIR` writes. The rest of a page is that of `docs/`. The
+pages are written to `build/benchmarks/pages`; `--out docs` replaces those of `docs/`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,10 +21,11 @@ from benchmarks.measure import FORMAT, ROOT
 from benchmarks.parts import PARTS
 from benchmarks.plots import bars
 from benchmarks.tables import COLUMNS, WHOLE, Row, column, markdown, number, ratio, rows_of, shown
-from jaxenstein.errors import JAXensteinError, SettingError
+from fidelity.commands import run_command
+from jaxenstein.errors import SettingError
 from jaxenstein.files import atomic, check_writable, make_folder
 
-DOCS = ROOT / "docs"
+DOCS, OUT = ROOT / "docs", ROOT / "build" / "benchmarks" / "pages"
 IMAGES = "images/benchmarks"
 BLOCK = re.compile(r"(<!-- (\w+)(?: (\S+))? -->\n).*?(<!-- end -->)", re.DOTALL)
 # Subjects of the part `peers` in the summary, and their names.
@@ -106,7 +109,9 @@ def table(name: str, result: Result | None, folder: Path) -> str:
     for key, start in (("failed", "Failed:\n\n"), ("notes", "")):
         if told := _told(result.rows, key):
             texts.append(start + "\n".join(f"- {'; '.join(w)}: {s}" for s, w in told.items()))
-    return "\n\n".join([*texts, f"`{command(name, result, folder)}`"])
+    # Without a load, an older program measured them.
+    told = [] if result.report["load"] is None else [f"`{command(name, result, folder)}`"]
+    return "\n\n".join([*texts, *told])
 
 
 def command(name: str, result: Result, folder: Path) -> str:
@@ -116,7 +121,9 @@ def command(name: str, result: Result, folder: Path) -> str:
     where = (folder.relative_to(ROOT) if ROOT in folder.parents else Path(folder.name)).as_posix()
     words = [f"python -m benchmarks {name} --json {where}", *["--quick"] * settings["quick"]]
     words += [] if settings["core"] is None else [f"--core {settings['core']}"]
-    return " ".join([*words, f"--rounds {settings['rounds']} --seconds {settings['seconds']:g}"])
+    words += [f"--rounds {settings['rounds']} --seconds {settings['seconds']:g}"]
+    only = settings.get("only")
+    return " ".join([*words, f"--only {shlex.join(only)}"] if only else words)
 
 
 def headline(rows: Sequence[Row]) -> list[Row]:
@@ -208,15 +215,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         prog="python -m benchmarks.report", description="Write the benchmark pages from results."
     )
     parser.add_argument("folder", type=Path, metavar="DIR", help="the folder given as --json DIR")
-    told = "folder for the pages (default docs)"
-    parser.add_argument("--out", type=Path, default=DOCS, metavar="FOLDER", help=told)
+    told = "folder for the pages (default build/benchmarks/pages)"
+    parser.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help=told)
     options = parser.parse_args(argv)
     results, out = read_results(options.folder), options.out
     quick = [name for name, result in results.items() if result.report["settings"]["quick"]]
     if quick and out.resolve() == DOCS:
         raise SettingError(
             f"{', '.join(quick)} are results of a quick run, which mean nothing, so they cannot "
-            "go into docs; --out FOLDER writes them elsewhere"
+            "go into docs; choose another --out"
         )
     for name, text in pages(results, options.folder).items():
         make_folder((out / name).parent)
@@ -234,7 +241,4 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except JAXensteinError as error:
-        raise SystemExit(f"benchmarks.report: {error}") from error
+    run_command(main)

@@ -23,6 +23,7 @@ from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 import jaxenstein
 from benchmarks.tables import WHOLE, column, markdown, number
+from fidelity.commands import run_command
 from jaxenstein.cli.arguments import size, whole
 from jaxenstein.errors import SettingError
 from jaxenstein.files import atomic, check_writable
@@ -148,4 +149,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

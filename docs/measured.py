@@ -20,7 +20,7 @@ package. With --looks, it only tests them, in all looks. Without RUN, these two 
 and figures again.
 `doom-trainer` stores how agents of the scenario ID learned in ViZDoom with the trainer NAME, from
 the rows that `experiments.in_vizdoom` or `experiments.sb3_in_vizdoom` wrote for each seed, and
-draws the figure of docs/doom-pixels.md.
+draws the figures of docs/doom-pixels.md and docs/benchmarks/training.md.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ import jaxenstein
 from docs import doom_pixels, suite_baselines
 from docs.other_pages import with_suite_tables
 from docs.page_parts import AGENTS, HERE, RETURNS, each
+from fidelity.commands import run_command
 from fidelity.players import mean_and_error, measure
 from jaxenstein import suite
 from jaxenstein.baselines.runs.agents import evaluate_both, load_trained
@@ -45,6 +46,7 @@ from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.metrics import read_seconds
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.catalogue import ENTRIES, MAIN_IDS
+from jaxenstein.cli.arguments import whole
 from jaxenstein.evaluation import evaluate_player
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.intervals import mean_interval
@@ -100,6 +102,8 @@ def row_of(config: str, run: Path, episodes: int) -> dict[str, Any]:
 def measure_returns(options: argparse.Namespace) -> None:
     """Measure the scripted players, and write the file."""
     check_writable(RETURNS)
+    for name in options.ids:
+        jaxenstein.make(name)
     wanted = options.ids or list(MAIN_IDS)
     kept = json.loads(RETURNS.read_text("utf-8"))["players"] if options.ids else []
     measured = [row for n in each(options.ids, "playing") for row in rows_of(n, options.episodes)]
@@ -148,7 +152,7 @@ def measure_doom_pixels(options: argparse.Namespace) -> None:
 
 
 def store_doom_trainer(options: argparse.Namespace) -> None:
-    """Store the training of agents in the game, and draw the figure."""
+    """Store the training of agents in the game, and draw the figures."""
     doom_pixels.add_trainer(options.name, options.id, options.rows)
     doom_pixels.write()
 
@@ -197,10 +201,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         (benchmark, REFERRED),
         (pixels, TRIED),
     ):
-        each_parser.add_argument("--episodes", type=int, default=episodes, metavar="N")
+        each_parser.add_argument("--episodes", type=whole(), default=episodes, metavar="N")
     options = parser.parse_args(argv)
     options.run_it(options)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

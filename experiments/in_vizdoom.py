@@ -32,6 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.experimental import io_callback
 
+from fidelity.commands import positive
 from jaxenstein.adapters.vizdoom import GameSession
 from jaxenstein.baselines import RunFolder, resolve
 from jaxenstein.baselines import train as run_training
@@ -206,9 +207,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Train, and write each row at once."""
     parser = Parser(description="Train in ViZDoom itself.")
     parser.add_argument("--out", required=True, help="a JSON Lines file")
-    parser.add_argument("--minutes", type=float, default=8.0)
+    parser.add_argument("--minutes", type=positive, default=8.0)
     parser.add_argument("--clock", choices=CLOCKS, default="wall")
-    parser.add_argument("--scale", type=float, default=1.0, help="factor on rewards (default 1)")
+    parser.add_argument("--scale", type=positive, default=1.0, help="factor on rewards (default 1)")
     parser.add_argument("--run", type=Path, help="train here, in this new run directory")
     add_config(parser)
     add_training_options(parser, without=["seeds"])

@@ -31,6 +31,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 
 from experiments.in_vizdoom import CLOCKS
+from fidelity.commands import positive
 from jaxenstein.adapters.registration import VIZDOOM_SCENARIOS
 from jaxenstein.files import append, check_writable
 from jaxenstein.intervals import mean_interval
@@ -109,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Train or load, play in both, print."""
     parser = argparse.ArgumentParser(description="Train in ViZDoom, act there and here.")
     parser.add_argument("--scenario", choices=VIZDOOM_SCENARIOS, default="HealthGathering")
-    parser.add_argument("--minutes", type=float, default=60.0, help="of training (default 60)")
+    parser.add_argument("--minutes", type=positive, default=60.0, help="of training (default 60)")
     parser.add_argument("--clock", choices=CLOCKS, default="wall")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--episodes", type=int, default=100, help="episodes in each place")

@@ -27,16 +27,22 @@ from typing import Any
 
 import numpy as np
 
+from fidelity.commands import run_command
 from jaxenstein.baselines.runs.configs import find_config
 from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.baselines.runs.metrics import read_metrics, read_seconds, rows_by_run
 from jaxenstein.baselines.runs.options import read_file, resolve
 from jaxenstein.baselines.runs.training import train
+from jaxenstein.errors import SettingError
+from jaxenstein.fields import Domain, check_value
+from jaxenstein.files import read_text, reason_of
 from jaxenstein.progress import Progress
 
 # Number of updates to pool, and the minimum number of episodes in them. A minimum is needed since
 # the first episodes to end are the successful ones.
 POOLED, FEWEST = 3, 20
+# What the file of a study needs.
+NEEDED = {"base": Domain("text"), "reach": Domain("number", 0, 1), "variants": Domain("table")}
 HEAD = (
     "| variant | solved | at the end, % | decisions: median, last | seconds: median, last | "
     "decisions per second |"
@@ -66,8 +72,26 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Read the file of a study."""
-    return tomllib.loads(path.read_text("utf-8"))
+    """Read the file of a study.
+
+    Raises:
+        SettingError: it cannot be read, lacks something, or two variants would share a folder.
+    """
+    try:
+        study = tomllib.loads(read_text(path))
+    except (OSError, ValueError) as error:
+        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
+    for name, domain in NEEDED.items():
+        check_value(f"{path}: {name}", domain, study.get(name))
+    folders: dict[str, str] = {}
+    for name in study["variants"]:
+        other = folders.setdefault(folder_name(name), name)
+        if other != name:
+            raise SettingError(
+                f"{path}: the variants {other!r} and {name!r} would have one folder, "
+                f"{folder_name(name)!r}: rename one"
+            )
+    return study
 
 
 def folder_name(name: str) -> str:
@@ -126,4 +150,4 @@ def solved_at(rows: Sequence[dict[str, Any]], reach: float) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -4,16 +4,15 @@
 
 Needs the extra `vizdoom`. It follows episodes of scripted players tic by tic in both, and compares
 the time of the first damage, the rate and the damage of hits, the speed of monsters, the rate of
-fireballs, and the hit rate of the player's shots by distance. It prints means with standard errors,
-and marks means that differ by more than two standard errors, and distributions of damage that
-differ significantly (p < 0.05).
+fireballs, and in Defend the Center the hit rate of the player's shots by distance. It prints means
+with standard errors, and marks means that differ by more than two standard errors, and
+distributions of damage that differ significantly (p < 0.05).
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
-import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -22,12 +21,18 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
+from fidelity.commands import run_command
 from fidelity.doom_players import APART, UNSEEN, Mean, apart, play_games
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom import GameSession
+from jaxenstein.cli.arguments import whole
 from jaxenstein.players import players_of
 from jaxenstein.tasks.doom.fixed import ONE
 
+IDS = tuple(
+    f"doom-{name}"
+    for name in ("defend-the-center", "defend-the-line", "take-cover", "deadly-corridor")
+)
 UNLIKELY = 0.05
 """The p-value below which distributions are marked."""
 # Tics to follow in an episode.
@@ -271,16 +276,18 @@ def differs(row: Measure) -> bool:
 def main(argv: Sequence[str] | None = None) -> int:
     """Play and print the table; return 1 if a difference is larger than chance explains."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
-    ids = [f"doom-{name}" for name in ("defend-the-center", "defend-the-line", "take-cover")]
-    ids.append("doom-deadly-corridor")
     parser.add_argument(
-        "ids", nargs="*", metavar="ID", default=ids, help="scenarios (default: all)"
+        "ids", nargs="*", metavar="ID", default=IDS, help=f"of {', '.join(IDS)} (default: all)"
     )
     parser.add_argument(
-        "--episodes", type=int, default=200, help="episodes in each (default %(default)s)"
+        "--episodes", type=whole(), default=200, help="episodes in each (default %(default)s)"
     )
-    parser.add_argument("--seed", type=int, default=1, help="random seed (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=1, help="random seed (default %(default)s)"
+    )
     options = parser.parse_args(argv)
+    if unknown := [id for id in options.ids if id not in IDS]:
+        parser.error(f"{unknown[0]!r} should be one of {', '.join(IDS)}")
     rows: list[Measure] = []
     for id in options.ids:
         found = measure(id, options.episodes, options.seed)
@@ -290,4 +297,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -1,24 +1,28 @@
 """Compare Doom's motion here and in the game, tic by tic: positions, angles and velocities.
 
-    python -m fidelity.doom_motion [--episodes N] [--seed N]
+    python -m fidelity.doom_motion [--episodes N] [--seed N] [--record FOLDER]
 
 Needs the extra `vizdoom`. It plays random buttons in the game, and replays them with our motion
 from the same first pose. It prints the number of tics that differ in any bit, which should be 0.
+With `--record`, it only writes recordings like those in `tests/tasks/doom/recordings`, with things.
 """
 
 from __future__ import annotations
 
 import argparse
 import functools
-import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fidelity.doom_recording import Recording, record
+from fidelity.commands import run_command
+from fidelity.doom_recording import Recording, record, save
+from jaxenstein.cli.arguments import whole
+from jaxenstein.files import make_folder
 from jaxenstein.tasks.doom.collision import load_geometry
 from jaxenstein.tasks.doom.health_gathering import DoomHealthGathering
 from jaxenstein.tasks.doom.my_way_home import DoomMyWayHome
@@ -33,10 +37,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Record, compare and print the table; return 1 if anything differs."""
     parser = argparse.ArgumentParser(description="Compare Doom's motion here and in the game.")
     parser.add_argument(
-        "--episodes", type=int, default=100, help="episodes of each scenario (default 100)"
+        "--episodes", type=whole(), default=100, help="episodes of each scenario (default 100)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of game and buttons (default 0)")
+    parser.add_argument("--seed", type=whole(0), default=0, help="of game and buttons (default 0)")
+    help = "write a file of recordings for each scenario instead"
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help=help)
     options = parser.parse_args(argv)
+    if options.record:
+        make_folder(options.record)
+        for scenario in SCENARIOS:
+            name, things = scenario.room.map_name, getattr(scenario, "pickups", None)
+            kinds = [kind.game_name for kind in things.kinds] if things else []
+            scenario_name = name.replace("-", "_")
+            played = record(scenario_name, options.episodes, seed=options.seed, things=kinds)
+            save(options.record / f"{name}.npz", list(played))
+        return 0
     rows = [compare(name, options.episodes, options.seed) for name in BUTTONS]
     return int(any(row["tics_that_differ"] for row in rows))
 
@@ -104,4 +119,4 @@ def _play(name: str, first: Body, held: jax.Array) -> Any:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

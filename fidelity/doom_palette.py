@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import argparse
 import struct
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from jaxenstein.files import atomic, check_writable
+from fidelity.commands import run_command
+from jaxenstein.files import atomic, check_apart, check_writable
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 
 ORDERS = "gbr", "brg", "rbg", "grb", "bgr"
@@ -50,8 +50,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     help = "the file to read (default: Freedoom's, which comes with ViZDoom)"
     parser.add_argument("--wad", type=Path, help=help)
     options = parser.parse_args(argv)
+    wad = find_iwad(options.wad)
+    check_apart([options.file], [wad])
     check_writable(options.file)
-    data = exchanged(find_iwad(options.wad), options.channels)
+    data = exchanged(wad, options.channels)
     with atomic(options.file) as temporary:
         temporary.write_bytes(data)
     print(f"wrote {options.file}")
@@ -59,4 +61,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

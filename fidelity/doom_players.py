@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -19,8 +18,10 @@ import jax
 import numpy as np
 
 import jaxenstein
+from fidelity.commands import run_command
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom import Games, GameSession
+from jaxenstein.cli.arguments import whole
 from jaxenstein.players import Played, play, players_of
 
 IDS = (
@@ -210,20 +211,31 @@ def main(argv: Sequence[str] | None = None) -> int:
         default=IDS,
         help="scenarios (default: all but doom-deathmatch)",
     )
-    parser.add_argument("--episodes", type=int, default=200, help="episodes (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument(
+        "--episodes", type=whole(), default=200, help="episodes (default %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
+    )
     parser.add_argument("--only", nargs="+", metavar="PLAYER", help="only these players")
     options = parser.parse_args(argv)
+    played = [
+        (id, name, frame_skip)
+        for id in options.ids
+        for own in [jaxenstein.make(id, **UNSEEN)[0].about().players]
+        for name, frame_skip in (*PLAYERS, *((name, 1) for name in own))
+    ]
+    known = dict.fromkeys(name for _, name, _ in played)
+    for name in options.only or ():
+        if name not in known:
+            parser.error(f"--only: {name!r} should be one of {', '.join(known)}")
     rows: list[Row] = []
-    for id in options.ids:
-        own = [(name, 1) for name in jaxenstein.make(id, **UNSEEN)[0].about().players]
-        for name, frame_skip in (*PLAYERS, *own):
-            if options.only and name not in options.only:
-                continue
+    for id, name, frame_skip in played:
+        if not options.only or name in options.only:
             rows.append(compare(id, name, frame_skip, options.episodes, options.seed))
             print(in_words(rows[-1]), flush=True)
     return int(any(apart(*pair) > APART for row in rows for pair in (row.returns, row.lengths)))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -15,8 +15,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fidelity.commands import run_command
 from jaxenstein import make
 from jaxenstein.catalogue import MAIN_IDS
+from jaxenstein.cli.arguments import real, whole
 from jaxenstein.environment import Environment
 from jaxenstein.players import Choose, Player, play, player_of, players_of
 from jaxenstein.players.walking import walking_actions
@@ -149,17 +151,19 @@ def _players_of(name: str) -> list[str]:
 
 def _changed(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
-    return name, float(value)
+    return name, real(-math.inf, math.inf)(value)
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--episodes", type=int, default=256, help="episodes of each player")
-    parser.add_argument("--starts", type=int, default=4096, help="maximum number of starts per id")
+    parser.add_argument("--episodes", type=whole(), default=256, help="episodes of each player")
+    parser.add_argument(
+        "--starts", type=whole(), default=4096, help="maximum number of starts per id"
+    )
     parser.add_argument("--ids", nargs="+", default=list(MAIN_IDS), metavar="ID")
     parser.add_argument(
-        "--frame-skip", type=int, default=1, metavar="N", help="frame skip of the second table"
+        "--frame-skip", type=whole(), default=1, metavar="N", help="frame skip of the second table"
     )
     parser.add_argument(
         "--param",
@@ -169,7 +173,10 @@ def main() -> None:
         metavar="NAME=VALUE",
         help="param of the second table; may be given again",
     )
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
+    for name in options.ids:
+        env, params = make(name, frame_skip=options.frame_skip)
+        env.check_params(params.replace(**dict(options.param)))
     began = time.perf_counter()
     print("| id | starts | solved | mean length | longest | horizon |\n" + "|---" * 6 + "|")
     for name in options.ids:
@@ -186,4 +193,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

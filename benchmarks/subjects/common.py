@@ -20,8 +20,8 @@ Subjects = Mapping[str, Builder]
 ENVIRONMENT_ID = "my-way-home"
 SIZE = 64
 STEPS_A_CALL = 2**15
-# The length of a training, for learning rate schedules; only its start is run.
-TRAINED_STEPS = 10_000_000
+# Steps per update of a training, and its length, for learning rate schedules: only its start runs.
+ROLLOUT, TRAINED_STEPS = 128, 10_000_000
 SCENARIOS = ("my-way-home", "health-gathering", "health-gathering-supreme")
 # Scenarios with `look="game"`.
 PICTURED = ("my-way-home", "health-gathering", "health-gathering-supreme", "defend-the-center")

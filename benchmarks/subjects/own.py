@@ -30,16 +30,14 @@ from benchmarks.subjects.common import (
 )
 from jaxenstein.speed.random_rollout import make_random_rollout
 
-# Options that are settings of the environments, with their types.
-SETTINGS: dict[str, Callable[[str], Any]] = {"observation": str, "buttons": str, "look": str}
+# Options that are settings of the environments.
+SETTINGS = ("observation", "look")
 
 
 def own_environment(options: Options, **settings: Any) -> tuple[Any, Any]:
     """Make the environment from the options."""
     settings["width"], settings["height"] = image_size(options)
-    for name, convert in SETTINGS.items():
-        if name in options:
-            settings[name] = convert(options[name])
+    settings |= {name: options[name] for name in SETTINGS if name in options}
     return jaxenstein.make(options.get("id", ENVIRONMENT_ID), **settings)  # type: ignore[arg-type]
 
 

@@ -1,4 +1,4 @@
-"""Whole updates of recurrent PPO: `training-B`, with the option `rollout`, steps per update."""
+"""Whole updates of recurrent PPO: `training-B`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import jax
 import jaxenstein
 from benchmarks.subjects.common import (
     ENVIRONMENT_ID,
+    ROLLOUT,
+    SIZE,
     TRAINED_STEPS,
     Chunk,
     Options,
     Subjects,
-    image_size,
     notes,
 )
 from benchmarks.subjects.own import repeat
@@ -21,16 +22,16 @@ def training(batch: int, options: Options) -> Chunk:
     """Recurrent PPO with the paper's network, as one compiled program."""
     from jaxenstein.baselines import Config, Learner
 
+    del options
     # Use an accelerator if there is one, as PyTorch does. This must be set before JAX runs.
     jax.config.update("jax_platforms", None)
     config = Config(
         num_envs=batch,
-        rollout=int(options.get("rollout", "128")),
+        rollout=ROLLOUT,
         minibatches=min(4, batch),
         total_steps=TRAINED_STEPS,
     )
-    width, height = image_size(options)
-    learner = Learner(*jaxenstein.make(ENVIRONMENT_ID, height=height, width=width), config)
+    learner = Learner(*jaxenstein.make(ENVIRONMENT_ID, height=SIZE, width=SIZE), config)
     state = learner.init(jax.random.key(0))
     update = jax.jit(lambda state: learner.train_chunk(state, None, 1)[0])
     notes["device"] = jax.devices()[0].device_kind

@@ -105,13 +105,22 @@ def test_environments_must_divide_evenly():
         make_spread_rollout(env, params, 0, 1, mesh)
 
 
+@pytest.mark.parametrize("words", ["--copy-bytes 1", "--seconds -1"])
+def test_wrong_arguments_are_told(words, capsys):
+    with pytest.raises(SystemExit):
+        device.main(words.split())
+    assert "must be a" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_accelerator_benchmark_writes_a_report(tmp_path, monkeypatch, capsys):
     file = tmp_path / "device.json"
     words = ["--ids", "simple", "--batches", "2", "--sizes", "8x6", "--seconds", "0.01"]
     words += ["--repeats", "2", "--steps", "2", "--copy-bytes", "4096", "--json", str(file)]
     device.main(words)
-    (row,) = json.loads(file.read_text())["rows"]
+    told = json.loads(file.read_text())
+    assert (told["settings"]["repeats"], told["settings"]["sizes"]) == (2, [[6, 8]])
+    (row,) = told["rows"]
     assert (row["id"], row["batch"], row["image"], row["frame_bytes"]) == ("simple", 2, "8x6", 144)
     assert min(row["limit"], row["steps_per_second"]["median"]) > 0
 

@@ -1,4 +1,4 @@
-"""The pages: every figure comes from the files of results."""
+"""The pages: their tables come from the files of results."""
 
 import json
 
@@ -8,7 +8,7 @@ import pytest
 from benchmarks import report
 from benchmarks.measure import ROOT
 from benchmarks.parts import PARTS, QUICK
-from benchmarks.report import pages, read_results
+from benchmarks.report import Result, pages, read_results
 from benchmarks.tables import column, markdown, number
 from jaxenstein.errors import SettingError
 from jaxenstein.speed.measuring import summarise
@@ -52,7 +52,7 @@ def test_command_fills_pages_from_result_files(tmp_path):
     pytest.importorskip("matplotlib")
     sampled, out = results(tmp_path), tmp_path / "pages"
     with pytest.raises(SettingError, match="are results of a quick run"):
-        report.main([str(tmp_path)])
+        report.main([str(tmp_path), "--out", str(report.DOCS)])
     report.main([str(tmp_path), "--out", str(out)])
     texts = {path.stem: path.read_text() for path in out.rglob("*.md")}
     ours = sampled["peers", "scan-16"]
@@ -72,10 +72,17 @@ def test_command_fills_pages_from_result_files(tmp_path):
 
 
 def test_pages_in_docs_match_committed_results():
-    """No figure is typed by hand."""
+    """Every text between two comments is what the results give."""
     folder, docs = ROOT / "benchmarks" / "results" / "epyc-2core", ROOT / "docs"
     for name, text in pages(read_results(folder), folder).items():
         assert (docs / name).read_text("utf-8") == text, name
+
+
+def test_command_of_a_part_of_a_part():
+    settings = {"core": None, "rounds": 2, "seconds": 1, "quick": False, "only": ["a b=1", "c"]}
+    told = report.command("peers", Result({"settings": settings}, []), ROOT / "runs")
+    start = "python -m benchmarks peers --json runs --rounds 2 --seconds 1"
+    assert told == f"{start} --only 'a b=1' c"
 
 
 def test_no_results(tmp_path):

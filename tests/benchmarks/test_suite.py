@@ -67,6 +67,14 @@ def test_failure_is_recorded_and_others_still_run(small):
     assert "failed" in rows["never"]
 
 
+def test_subjects_do_not_use_the_cache_of_the_caller(small, monkeypatch):
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "somewhere")
+    monkeypatch.setenv("JAX_PLATFORMS", "cuda")
+    worker = Worker(Subject("steady-5", ""), None)
+    worker.close()
+    assert worker.description["notes"] == {"JAX_PLATFORMS": "cpu"}
+
+
 def test_hanging_subject_times_out(small, monkeypatch):
     monkeypatch.setattr(measure, "LIMIT", 0.5)
     with pytest.raises(SubjectError, match=r"no answer within 0\.5 s"):
@@ -94,9 +102,19 @@ def test_each_part_has_a_file_and_can_resume(small, tmp_path, capsys):
         run(folder)
 
 
+def test_parts_without_a_chosen_subject_have_no_file(small, tmp_path):
+    run(tmp_path, "--only", "steady-7")
+    assert [path.name for path in tmp_path.iterdir()] == ["second.json"]
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
-    [(["thirst"], "unknown part: thirst"), (["first", "--core", "9999"], "no core 9999")],
+    [
+        (["thirst"], "unknown part: thirst"),
+        (["first", "--core", "9999"], "no core 9999"),
+        (["first", "--only", "steady", "swift"], "starts with 'swift'; there are 'steady-5'"),
+        (["first", "--seconds", "0"], "must be a finite number above 0, not 0"),
+    ],
 )
 def test_wrong_arguments(small, capsys, words, told):
     with pytest.raises(SystemExit):

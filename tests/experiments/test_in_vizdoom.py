@@ -141,6 +141,8 @@ def test_agents_are_tested_after_each_part(tmp_path: Path, monkeypatch: pytest.M
     [
         ("--gamma 2", "a finite number from 0 to 1, not 2.0"),
         ("--env doom-bassic", "doom-basic"),
+        ("--minutes 0", "--minutes: must be a finite number above 0, not 0"),
+        ("--minutes nan", "--minutes: must be a finite number above 0, not nan"),
         ("--env simple", "ViZDoom has no scenario for 'simple'"),
         ("--run new --clock cpu", "--run takes neither --minutes nor --clock nor --scale"),
     ],

@@ -41,6 +41,28 @@ def test_the_variants_are_experiments(file: Path) -> None:
     assert len(set(map(study.folder_name, told["variants"]))) == len(told["variants"])
 
 
+GOOD = 'base = "simple"\nreach = 0.9\n[variants]\n"wide clip" = {}\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (GOOD.replace("reach", "reached"), "reach must be a finite number from 0 to 1, not None"),
+        (GOOD + "wide-clip = {}\n", "'wide clip' and 'wide-clip' would have one folder"),
+        ("base = ", "cannot read .*: invalid value"),
+        (None, "cannot read .*: no such file"),
+    ],
+)
+def test_wrong_studies_are_told_before_a_training(
+    text: str | None, told: str, tmp_path: Path
+) -> None:
+    if text is not None:
+        (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(SettingError, match=told):
+        study.main([str(tmp_path / "study.toml"), "--out", str(tmp_path / "runs")])
+    assert not (tmp_path / "runs").exists()
+
+
 @pytest.mark.usefixtures("plain_frames")
 def test_study_trains_resumes_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "base.toml").write_text(

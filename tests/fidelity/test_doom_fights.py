@@ -15,6 +15,7 @@ from fidelity.doom_fights import (
     differs,
     distances,
     likeness,
+    main,
     shots,
     thrown,
 )
@@ -103,6 +104,12 @@ class Counting:
 
     def close(self) -> None:
         type(self).begun -= 1
+
+
+def test_a_scenario_without_fights_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["simple"])
+    assert "'simple' should be one of doom-defend-the-center, " in capsys.readouterr().err
 
 
 def test_parallel_games_equal_episodes_in_seed_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fidelity import doom_palette
-from jaxenstein.errors import WadError
+from jaxenstein.errors import SettingError, WadError
 from jaxenstein.tasks.doom.wad import Wad
 from tests.reference.wads import write_wad
 
@@ -23,6 +23,15 @@ def test_channels_change_places_and_nothing_else(tmp_path: Path) -> None:
     lumps[1] = ("PLAYPAL", wanted.tobytes())
     assert new.read_bytes() == write_wad(lumps, b"IWAD")
     np.testing.assert_array_equal(Wad(new).palette(), wanted[0])
+
+
+def test_the_file_that_is_read_is_kept(tmp_path: Path) -> None:
+    old, same = tmp_path / "old.wad", tmp_path / "other" / ".." / "old.wad"
+    same.parent.parent.mkdir()
+    old.write_bytes(data := write_wad([("PLAYPAL", bytes(range(256)) * 3)], b"IWAD"))
+    with pytest.raises(SettingError, match="would overwrite"):
+        doom_palette.main([str(same), "--wad", str(old)])
+    assert old.read_bytes() == data
 
 
 def test_files_without_a_palette_are_refused(tmp_path: Path) -> None:

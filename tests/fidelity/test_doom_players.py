@@ -52,6 +52,12 @@ class Counting:
         type(self).begun -= 1
 
 
+def test_an_unknown_player_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        doom_players.main(["doom-basic", "--only", "nosuch"])
+    assert "--only: 'nosuch' should be one of idle, random, " in capsys.readouterr().err
+
+
 def test_parallel_games_equal_episodes_in_seed_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doom_players, "GameSession", Counting)
     monkeypatch.setattr(
