@@ -266,49 +266,49 @@ def _trained(options: argparse.Namespace) -> Evaluated:
         check_scenario(env)
     if options.number is not None:
         agents.chosen_run(trained, options.number)
-    many = len(trained.experiment.runs)
-    settings = {"episodes": options.episodes, "seed": options.seed}
-    points, results = trained.points(), {}
-    total = len(agents.WAYS) * options.episodes * many
-    each = total // len(points)
-    with Progress(total, "evaluating", unit="episodes", compiles=True) as progress:
-        for number, point in enumerate(points):
-            results |= {
-                _row(way, point, points): result
-                for way, result in agents.evaluate_both(
-                    point,
-                    notify=lambda done, before=number * each: progress.update(before + done),
-                    **settings,
-                ).items()
-            }
+    points = trained.points()
+    played = _play(points, options)
+    results = {
+        f"{way}{point.removeprefix(trained.name)}": one for (point, way), one in played.items()
+    }
     if options.game is not None:
-        turns = [(point, way) for point in points for way in agents.WAYS]
-        with Progress(total, "playing ViZDoom", unit="episodes") as progress:
-            for number, (point, way) in enumerate(turns):
-                before = number * total // len(turns)
-                results[_row(f"{way}, in ViZDoom", point, points)] = agents.evaluate_in_game(
-                    point,
-                    greedy=agents.WAYS[way],
-                    notify=lambda done, before=before: progress.update(before + done),
-                    **settings,
-                )
-    updates = trained.experiment.config.updates
+        results |= {
+            f"{way}, in ViZDoom{point.removeprefix(trained.name)}": one
+            for (point, way), one in _play(points, options, in_game=True).items()
+        }
+    many, updates = len(trained.experiment.runs), trained.experiment.config.updates
     runs = f"{many} run{'s' * (many > 1)}, {options.episodes} episodes each"
     heading = f"{options.folder}: update {trained.update} of {updates}, {runs}"
     if options.number is not None:
-        point, number = trained, options.number
+        shown, number = trained, options.number
     else:
         way = "greedy" if options.greedy else "sampled"
-        played = [(point, results[_row(way, point, points)]) for point in points]
-        point, its = max(played, key=lambda pair: pair[1].returns.mean(axis=1).max())
-        number = its.best
-    actor = functools.partial(agents.TrainedPolicy, point, number, options.greedy)
+        shown = max(points, key=lambda point: played[point.name, way].returns.mean(axis=1).max())
+        number = played[shown.name, way].best
+    actor = functools.partial(agents.TrainedPolicy, shown, number, options.greedy)
     return Evaluated(heading, env, results, actor)
 
 
-def _row(way: str, point: Trained, points: Sequence[Trained]) -> str:
-    """The name of a row of the table: how agents act, and their point of the grid."""
-    return way if len(points) == 1 else f"{way}, {point.name.partition(', ')[2]}"
+def _play(
+    points: Sequence[Trained], options: argparse.Namespace, *, in_game: bool = False
+) -> dict[tuple[str, str], Results]:
+    """The results of all points of a grid, by the name of the point and the kind of actions."""
+    agents, results = baselines("agents"), {}
+    turns = [(point, way) for point in points for way in agents.WAYS]
+    many = options.episodes * len(points[0].experiment.runs)
+    told, play = "evaluating", agents.evaluate
+    if in_game:
+        told, play = "playing ViZDoom", agents.evaluate_in_game
+    with Progress(many * len(turns), told, unit="episodes", compiles=not in_game) as progress:
+        for number, (point, way) in enumerate(turns):
+            results[point.name, way] = play(
+                point,
+                episodes=options.episodes,
+                seed=options.seed,
+                greedy=agents.WAYS[way],
+                notify=lambda done, before=number * many: progress.update(before + done),
+            )
+    return results
 
 
 def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
