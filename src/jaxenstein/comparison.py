@@ -202,10 +202,13 @@ def _together(policy: str, entries: Sequence[_Entry]) -> Results:
     for entry in entries:
         for name in entry.results.names:
             if name in seen:
+                where = f"both in {seen[name]} and in {entry.path}"
+                if seen[name] == entry.path:
+                    where = f"twice in {entry.path}"
                 raise SettingError(
-                    f"{policy} on {first.task}: the run {quoted(name)} is both in {seen[name]} and "
-                    f"in {entry.path}; give each seed of a policy its own name (`name` or --name "
-                    "of evaluate), and each policy its own --label"
+                    f"{policy} on {first.task}: the run {quoted(name)} is {where}; give each seed "
+                    "of a policy its own name (`name` or --name of evaluate), each policy its own "
+                    "--label, and files with several policies before the first --label"
                 )
             seen[name] = entry.path
     arrays = {

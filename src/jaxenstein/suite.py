@@ -255,18 +255,12 @@ def check_compared(compared: Compared, suite: str) -> Compared:
         suite: "small" or "large".
 
     Raises:
-        SettingError: a task is missing, does not belong to the benchmark, was played in ViZDoom,
-            or has another version, setting or param.
+        SettingError: a task does not belong to the benchmark, was played in ViZDoom, or has
+            another version, setting or param.
     """
     chosen = suite_of(suite)
     ordered: Compared = {}
     for policy, mine in compared.items():
-        if missing := [task.id for task in TASKS if task.id not in mine]:
-            raise SettingError(
-                f"{policy} has no results for {', '.join(missing)}: a benchmark score needs all "
-                "tasks; to score some of them, leave out --suite and --baselines and give "
-                f"--reference {REFERENCES}"
-            )
         for id, results in mine.items():
             if results.in_game:
                 raise SettingError(
@@ -279,7 +273,7 @@ def check_compared(compared: Compared, suite: str) -> Compared:
                     f"{policy} on {id}: {fault[0]} is {fault[2]}, but must be {fault[1]} in the "
                     f"{suite} suite; use jaxenstein.suite.make({id!r}, {suite!r}, test=True)"
                 )
-        ordered[policy] = {task.id: mine[task.id] for task in TASKS}
+        ordered[policy] = {task.id: mine[task.id] for task in TASKS if task.id in mine}
     return ordered
 
 

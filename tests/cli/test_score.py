@@ -16,6 +16,7 @@ from PIL import Image
 from jaxenstein import suite
 from jaxenstein.cli import main
 from jaxenstein.files import make_folder
+from jaxenstein.results import write_results
 from tests.reference import statistics
 from tests.results_of import results_of, suite_results, write_all
 
@@ -136,6 +137,15 @@ def test_baselines_stand_beside_the_own_agent(
         scores = (np.mean(earned[task], axis=1) - ends.random) / (ends.expert - ends.random)
         assert told[task]["scores"] == pytest.approx(scores)
         assert re.search(rf"PPO \(baseline\) +5 +100 .* {scores.mean():.3f}\n", shown)
+
+    write_results(mine, suite_results()[2:4])
+    assert main(["score", str(mine), "--suite", "--baselines", "--json", str(out)]) == 0
+    assert "2 of 12 tasks: a score of the benchmark needs all of them\n" in capsys.readouterr().out
+    part = json.loads(out.read_text())["policies"]
+    assert [*part] == [*report["policies"]]
+    some = [task.id for task in suite.TASKS[2:4]]
+    assert {name: [*mine["tasks"]] for name, mine in part.items()} == dict.fromkeys(part, some)
+    assert all(part["RND (baseline)"]["tasks"][id] == told[id] for id in some)
 
 
 def test_baselines_of_another_size_are_not_mixed(

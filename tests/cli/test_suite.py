@@ -122,7 +122,7 @@ def test_evaluate_refuses_conflicting_arguments(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for words, told in (
-        (["evaluate", "none", "--suite"], "no run"),
+        (["evaluate", "none", "--suite"], "none has no run of t-maze, simple: "),
         (["evaluate", "none", "--suite", "--env", "simple"], "--suite fixes --env"),
         (["evaluate", "none", "--suite", "--param", "a=1"], "--suite fixes --param; leave it out"),
         (["evaluate", "none", "--suite", "--gif", "a.gif"], "--suite fixes --gif"),

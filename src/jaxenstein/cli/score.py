@@ -35,9 +35,9 @@ run of each other.
 median and optimality gap over all tasks (Agarwal et al. 2021). Their 95 % intervals come from
 resampling the runs of every task.
 
---suite scores results of 'jaxenstein evaluate --suite', with the references of the benchmark. It
-needs results in all tasks. --baselines adds the results of our agents, which come with the package;
-without RESULTS it shows them alone.
+--suite scores results of 'jaxenstein evaluate --suite', with the references of the benchmark, and
+says so if tasks, training seeds or test episodes are missing. --baselines adds the results of our
+agents on the same tasks, which come with the package; without RESULTS it shows them alone.
 """
 EPILOG = """\
 examples:
@@ -145,9 +145,11 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _of_suite(compared: Compared, options: argparse.Namespace) -> Compared:
-    """Check the user's results, and add the baselines."""
+    """Check the user's results, and add those of the baselines on the same tasks."""
     checked = suite.check_compared(compared, options.suite)
     shipped = suite.baselines(options.suite) if options.baselines else {}
+    for mine in checked.values():
+        shipped = {policy: {id: its[id] for id in mine} for policy, its in shipped.items()}
     if taken := sorted({*checked} & {*shipped}):
         raise UsageError(f"jaxenstein score: {taken[0]} is a baseline; use another --label")
     return checked | shipped
@@ -243,8 +245,13 @@ def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> st
 
 
 def _notes(compared: Compared, of_suite: bool) -> str:
-    """A line for each policy with a single run, or that departs from the benchmark's protocol."""
+    """Lines on missing tasks, single runs, and departures from the benchmark's protocol."""
     lines = []
+    tasks = len(next(iter(compared.values())))
+    if of_suite and tasks < len(suite.TASKS):
+        lines.append(
+            f"{tasks} of {len(suite.TASKS)} tasks: a score of the benchmark needs all of them\n"
+        )
     for policy, mine in compared.items():
         single = [task for task, results in mine.items() if len(results.names) == 1]
         if single:

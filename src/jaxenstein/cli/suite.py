@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -142,7 +143,14 @@ def trained_on(task: suite.Task, folder: Path, chosen: suite.Suite) -> Trained:
 
 def _runs(folder: Path, chosen: suite.Suite) -> Play:
     """Test the agents of `jaxenstein train --suite`."""
-    agents = baselines("agents")
+    agents, config = baselines("agents"), baselines("folder").CONFIG
+    if missing := [
+        task.id for task in suite.TASKS if not os.path.exists(folder / task.id / config)
+    ]:
+        raise SettingError(
+            f"{folder} has no run of {', '.join(missing)}: 'jaxenstein train --suite' trains all "
+            "tasks; repeat its command with --resume"
+        )
     found = {task.id: trained_on(task, folder, chosen) for task in suite.TASKS}
     budgets = {
         id: trained.update
