@@ -104,6 +104,13 @@ def test_incomparable_results_are_refused(
         gathered(tmp_path, results_of("simple", ONE, "a"), two)
 
 
+def test_one_label_for_several_policies_of_a_file_is_refused(tmp_path: Path) -> None:
+    both = [results_of("simple", ONE, "a"), results_of("simple", TWO, "b")]
+    (path,) = write_all(tmp_path, {"both.json": both})
+    with pytest.raises(SettingError, match=r"'seed-0' is twice in .*both\.json; .* before"):
+        gather([("mine", path)])
+
+
 def test_maps_that_differ_late_are_told_apart(tmp_path: Path) -> None:
     wall = "#" * 60
     one, two = (f"{wall}\n#S{'.' * 55}{end}G#\n{wall}\n" for end in (".", "#"))

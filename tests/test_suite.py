@@ -105,6 +105,7 @@ def test_the_baselines_follow_the_protocol():
         size, _, version = folder.name.partition("-")
         assert int(version) == suite.VERSION
         for policy, mine in suite.baselines(size).items():
+            assert [*mine] == [task.id for task in suite.TASKS], policy
             assert suite.departures(mine.values()) == [], policy
 
 

@@ -85,7 +85,7 @@ def test_the_page_says_what_was_measured() -> None:
     assert "about half of the pairs of runs favour each, with ties counted half." in page
 
 
-def test_only_two_intervals_do_not_overlap() -> None:
+def test_only_one_pair_of_intervals_is_apart() -> None:
     found: dict[str, dict[str, Estimate]] = {}
     for name, mine in suite.baselines().items():
         scores = dict(zip(mine, run_scores(mine, suite.references()), strict=True))
