@@ -13,9 +13,10 @@ from docs.page_parts import link_to, stored_agents, stored_rows, table
 from jaxenstein import suite
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser
-from jaxenstein.comparison import Compared, run_scores
-from jaxenstein.intervals import mean_interval
-from jaxenstein.scores import aggregates, normalised
+from jaxenstein.cli.listing import between
+from jaxenstein.comparison import Compared, score_interval
+from jaxenstein.intervals import Interval, mean_interval
+from jaxenstein.scores import Estimate
 
 INTRODUCTION = """\
 # Command line
@@ -159,9 +160,8 @@ def suite_baselines() -> str:
             if task.id not in mine:
                 row.append("")
                 continue
-            earned = mean_interval(mine[task.id].returns)
-            score = normalised([earned.mean, earned.low, earned.high], ends.random, ends.expert)
-            row.append(_interval(*score))
+            score = score_interval(mean_interval(mine[task.id].returns), ends)
+            row.append(_interval(score.mean, score))
         rows.append(row)
     right = range(1, 1 + len(shipped))
     means = table(["tasks", *shipped], _means(shipped), right)
@@ -170,26 +170,16 @@ def suite_baselines() -> str:
 
 def _means(shipped: Compared) -> list[list[str]]:
     """The interquartile means over all tasks, and over the tasks of each ability."""
-    abilities = {task.id: task.ability for task in suite.TASKS}
-    rows = []
-    for ability in ("all", *dict.fromkeys(abilities.values())):
-        row = [ability]
-        for mine in shipped.values():
-            ids = [id for id, tests in abilities.items() if ability in ("all", tests)]
-            if not {*ids} <= {*mine}:
-                row.append("")
-                continue
-            part = {id: mine[id] for id in ids}
-            found = aggregates(run_scores(part, suite.references()))["interquartile_mean"]
-            row.append(_interval(found.value, found.low, found.high))
-        rows.append(row)
-    return rows
+    found = [suite.interquartile_means(mine) for mine in shipped.values()]
+    return [
+        [part, *(_interval(of[part].value, of[part]) if part in of else "" for of in found)]
+        for part in found[0]
+    ]
 
 
-def _interval(value: float, low: float, high: float) -> str:
-    """A score with its interval; adding 0 turns -0 into 0."""
-    value, low, high = (round(number, 2) + 0.0 for number in (value, low, high))
-    return f"{value:.2f} ({low:.2f} to {high:.2f})"
+def _interval(value: float, ends: Interval | Estimate) -> str:
+    """A score with its interval."""
+    return f"{value:z.2f} ({between(ends, '.2f')})"
 
 
 def with_suite_tables(page: str) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from .environment import AnyEnvironment
 from .errors import SettingError, nearest, one_line, quoted
 from .files import read_text, reason_of
+from .intervals import Interval
 from .results import Results, read_results, without_repeats
 from .scores import normalised
 from .spec import Spec
@@ -245,6 +246,12 @@ def _reference(path: str | Path, task: str, entry: Any) -> Reference:
     except SettingError as error:
         raise SettingError(f"{path}: {quoted(task)}: {error}") from error
     return Reference(float(entry["random"]), float(entry["expert"]))
+
+
+def score_interval(earned: Interval, ends: Reference) -> Interval:
+    """The normalised score of a policy in a task, from its mean return."""
+    numbers = normalised([earned.mean, earned.low, earned.high], ends.random, ends.expert)
+    return Interval(*map(float, numbers))
 
 
 def run_returns(mine: Mapping[str, Results]) -> list[np.ndarray]:

@@ -11,13 +11,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .comparison import Compared, Reference, difference, gather, read_reference
+from .comparison import Compared, Reference, difference, gather, read_reference, run_scores
 from .errors import SettingError, nearest, quoted
 from .fields import Domain, check_value
 
 if TYPE_CHECKING:
     from .environment import AnyEnvironment, Autoreset
     from .results import Results
+    from .scores import Estimate
     from .spec import Spec
 
 VERSION = 1
@@ -301,6 +302,31 @@ def baselines(suite: str = "small") -> Compared:
         return check_compared(gather(named), suite)
     except SettingError as error:
         raise SettingError(f"the baselines of this package are damaged: {error}") from error
+
+
+def interquartile_means(mine: Mapping[str, Results], *, seed: int = 0) -> dict[str, Estimate]:
+    """The interquartile mean of a policy's scores in all tasks, and in those of each ability.
+
+    Args:
+        mine: the results of the policy by task, as in `baselines`.
+        seed: the seed of the bootstrap, as in `jaxenstein.scores.aggregates`.
+
+    Returns:
+        By "all" and by ability, in the order of `TASKS`; without those of which a task is missing.
+    """
+    from .scores import aggregates
+
+    parts = {"all": [task.id for task in TASKS]}
+    for task in TASKS:
+        parts.setdefault(task.ability, []).append(task.id)
+    ends = references()
+    return {
+        ability: aggregates(run_scores({id: mine[id] for id in ids}, ends), seed=seed)[
+            "interquartile_mean"
+        ]
+        for ability, ids in parts.items()
+        if {*ids} <= {*mine}
+    }
 
 
 def departures(results: Iterable[Results]) -> list[str]:

@@ -89,7 +89,7 @@ def test_aggregates_and_files(
             found = told["aggregates"][name]
             assert found["value"] == pytest.approx(getattr(statistics, name)(scores), abs=1e-12)
             assert found["low"] <= found["value"] <= found["high"]
-            interval = f"{found['low']:.3f} - {found['high']:.3f}"
+            interval = f"{found['low']:.3f} to {found['high']:.3f}"
             assert f"{found['value']:.3f}  {interval}" in re.sub(" {2,}", "  ", line)
         profile = told["profile"]
         right = [statistics.fraction_above(scores, tau) for tau in profile["taus"]]
@@ -136,12 +136,26 @@ def test_baselines_stand_beside_the_own_agent(
     for task, ends in suite.references().items():
         scores = (np.mean(earned[task], axis=1) - ends.random) / (ends.expert - ends.random)
         assert told[task]["scores"] == pytest.approx(scores)
-        assert re.search(rf"PPO \(baseline\) +5 +100 .* {scores.mean():.3f}\n", shown)
+        found, scale = told[task]["score"], ends.expert - ends.random
+        for end, earned_end in told[task]["return"].items():
+            assert found[end] == pytest.approx((earned_end - ends.random) / scale)
+        score = f"{found['mean']:z.3f} +{found['low']:z.3f} to {found['high']:z.3f}"
+        assert re.search(rf"PPO \(baseline\) +5 +100 .* {score}\n", shown)
+    abilities = report["policies"]["PPO (baseline)"]["abilities"]
+    for ability, found in abilities.items():
+        part = [told[one.id]["scores"] for one in suite.TASKS if ability in ("all", one.ability)]
+        assert found["value"] == pytest.approx(statistics.interquartile_mean(part))
+        assert found["low"] < found["value"] < found["high"]
+        cell = f"{found['value']:z.3f} ({found['low']:z.3f} to {found['high']:z.3f})"
+        assert ability == "all" or re.search(rf"\n{ability} .* {re.escape(cell)}", shown)
+    assert [*abilities] == ["all", *dict.fromkeys(task.ability for task in suite.TASKS)]
+    assert re.search(r"\nmemory +-?\d\.\d+ +-?\d\.\d+ \(", shown), "a single run has no interval"
 
     write_results(mine, suite_results()[2:4])
     assert main(["score", str(mine), "--suite", "--baselines", "--json", str(out)]) == 0
     assert "2 of 12 tasks: a score of the benchmark needs all of them\n" in capsys.readouterr().out
     part = json.loads(out.read_text())["policies"]
+    assert part["mine"]["abilities"] == {}
     assert [*part] == [*report["policies"]]
     some = [task.id for task in suite.TASKS[2:4]]
     assert {name: [*mine["tasks"]] for name, mine in part.items()} == dict.fromkeys(part, some)

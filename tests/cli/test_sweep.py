@@ -101,8 +101,8 @@ def test_summary_lists_the_best_point_first(tmp_path: Path) -> None:
     (point,) = [point for point in summary([grid.path]) if point.label == "a, clip 0.1"]
     assert (point.runs, point.diverged, point.earned.mean, point.earned.low) == (2, 1, 0.25, 0.25)
     lines = table(points).splitlines()
-    assert lines[2].split() == ["a,", "clip", "0.1", "2", "0.5", "0.25", "-", "0.75", "50.0%",
-                                "25.0%", "-", "75.0%"]  # fmt: skip
+    assert lines[2].split() == ["a,", "clip", "0.1", "2", "0.5", "0.25", "to", "0.75", "50.0%",
+                                "25.0%", "to", "75.0%"]  # fmt: skip
 
 
 @pytest.fixture

@@ -122,7 +122,7 @@ def table(results: list[dict[str, Any]]) -> str:
                 f"{result['width']}x{result['height']}",
                 str(result["batch"]),
                 si(rates["median"]),
-                f"{si(rates['lower_quartile'])} - {si(rates['upper_quartile'])}",
+                f"{si(rates['lower_quartile'])} to {si(rates['upper_quartile'])}",
                 si(result["world_steps_per_second"]["median"]),
                 f"{compiling['reset'] + compiling['step']:.1f} s",
                 "-" if peak is None else f"{peak / 2**20:.0f} MiB",

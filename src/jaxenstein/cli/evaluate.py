@@ -33,7 +33,7 @@ from .arguments import (
     real,
     whole,
 )
-from .listing import format_table
+from .listing import between, format_table
 from .opening import (
     baselines,
     drawn_by,
@@ -357,9 +357,9 @@ def table(results: dict[str, Results]) -> str:
             (
                 name,
                 f"{earned.mean:.4g}",
-                f"{earned.low:.4g} - {earned.high:.4g}",
+                between(earned, ".4g"),
                 f"{reached.mean:.1%}",
-                f"{reached.low:.1%} - {reached.high:.1%}",
+                between(reached, ".1%"),
                 f"{result.lengths.mean():.4g}",
             )
         )

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any
 
 from .arguments import Parser, add_suite, flag
 from .opening import import_module_of
+
+if TYPE_CHECKING:
+    from ..intervals import Interval
+    from ..scores import Estimate
 
 HELP = "list environments, sample maps, pretrained agents and configs"
 DESCRIPTION = """\
@@ -215,8 +219,13 @@ def actions_of(names: Mapping[str, tuple[str, ...]]) -> list[str]:
     return lines
 
 
+def between(ends: Interval | Estimate, form: str) -> str:
+    """The ends of an interval, each in a format such as ".3f"."""
+    return f"{ends.low:z{form}} to {ends.high:z{form}}"
+
+
 def format_table(
-    rows: list[tuple[str, ...]], right: tuple[int, ...] = (), width: int | None = None
+    rows: list[tuple[str, ...]], right: Collection[int] = (), width: int | None = None
 ) -> str:
     """Format rows of cells as lines with aligned columns.
 

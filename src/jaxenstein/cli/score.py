@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 from .. import suite
 from ..files import check_apart, check_writable
 from .arguments import Parser, UsageError, add_seed, add_suite, flag
-from .listing import format_table
+from .listing import between, format_table
 from .opening import baselines, write_json, written_anyway
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..comparison import Compared
+    from ..comparison import Compared, Reference
     from ..scores import Estimate, Profile
 
 HELP = "compare policies over tasks, with confidence intervals"
@@ -36,8 +36,9 @@ median and optimality gap over all tasks (Agarwal et al. 2021). Their 95 % inter
 resampling the runs of every task.
 
 --suite scores results of 'jaxenstein evaluate --suite', with the references of the benchmark, and
-says so if tasks, training seeds or test episodes are missing. --baselines adds the results of our
-agents on the same tasks, which come with the package; without RESULTS it shows them alone.
+says so if tasks, training seeds or test episodes are missing. It also shows the IQM of the tasks of
+each ability. --baselines adds the results of our agents on the same tasks, which come with the
+package; without RESULTS it shows them alone.
 """
 EPILOG = """\
 examples:
@@ -62,14 +63,18 @@ class Summary:
     """Statistics of the normalised scores of each policy.
 
     Attributes:
+        reference: the returns that set the scale of each task.
         scores: an array for each task, with the score of each run.
         aggregates: over all tasks, by name.
         profiles: performance profiles, all at the same thresholds.
+        abilities: of the benchmark, the interquartile mean over the tasks of each ability.
     """
 
+    reference: Mapping[str, Reference]
     scores: dict[str, list[np.ndarray]]
     aggregates: dict[str, dict[str, Estimate]]
     profiles: dict[str, Profile]
+    abilities: dict[str, dict[str, Estimate]]
 
 
 def fill(parser: Parser) -> None:
@@ -127,7 +132,7 @@ def run(options: argparse.Namespace) -> None:
         compared, reference = _of_suite(compared, options), suite.references()
     elif options.reference is not None:
         reference = read_reference(options.reference)
-    summary = None if reference is None else summarised(compared, reference, options.seed)
+    summary = None if reference is None else summarised(compared, reference, options)
     chances = _chances(compared, options.seed)
 
     def write(path: Path) -> None:
@@ -169,12 +174,14 @@ def _print(
     print(end=_notes(compared, of_suite is not None))
     if summary is not None:
         print(f"\n{table_of_aggregates(summary)}")
+        if abilities := table_of_abilities(summary):
+            print(f"\n{abilities}")
     if chances:
         print()
     for other, chance in chances.items():
         print(
             f"probability that {next(iter(compared))} scores higher than {other}, ties counted "
-            f"half: {chance.value:.3f}, 95 % {chance.low:.3f} - {chance.high:.3f}"
+            f"half: {chance.value:.3f}, 95 % {between(chance, '.3f')}"
         )
 
 
@@ -190,7 +197,9 @@ def _files(options: argparse.Namespace) -> list[tuple[str | None, Path]]:
     return files
 
 
-def summarised(compared: Compared, reference: Mapping[str, Any], seed: int) -> Summary:
+def summarised(
+    compared: Compared, reference: Mapping[str, Reference], options: argparse.Namespace
+) -> Summary:
     """The aggregates and profiles of normalised scores."""
     import numpy as np
 
@@ -200,10 +209,14 @@ def summarised(compared: Compared, reference: Mapping[str, Any], seed: int) -> S
     scores = {policy: run_scores(mine, reference) for policy, mine in compared.items()}
     pooled = np.concatenate([runs for mine in scores.values() for runs in mine])
     taus = np.linspace(min(0, pooled.min()), max(1, pooled.max()), POINTS)
+    seed = options.seed
+    of_suite = {} if options.suite is None else compared
     return Summary(
+        reference,
         scores,
         {policy: aggregates(mine, seed=seed) for policy, mine in scores.items()},
         {policy: profile(mine, taus, seed=seed) for policy, mine in scores.items()},
+        {policy: suite.interquartile_means(mine, seed=seed) for policy, mine in of_suite.items()},
     )
 
 
@@ -222,11 +235,12 @@ def _chances(compared: Compared, seed: int) -> dict[str, Estimate]:
 
 def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> str:
     """A table with a row for each task and policy."""
+    from ..comparison import score_interval
     from ..intervals import mean_interval
 
     heading = ("TASK", "POLICY", "RUNS", "EPISODES", "RETURN", "95 %", "SUCCESS")
-    rows: list[tuple[str, ...]] = [heading if summary is None else (*heading, "SCORE")]
-    for number, task in enumerate(next(iter(compared.values()))):
+    rows: list[tuple[str, ...]] = [heading if summary is None else (*heading, "SCORE", "95 %")]
+    for task in next(iter(compared.values())):
         for policy, mine in compared.items():
             results = mine[task]
             earned = mean_interval(results.returns, seed=seed)
@@ -235,13 +249,14 @@ def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> st
                 policy,
                 *map(str, results.returns.shape),
                 f"{earned.mean:.4g}",
-                f"{earned.low:.4g} - {earned.high:.4g}",
+                between(earned, ".4g"),
                 f"{results.successes.mean():.1%}",
             )
             if summary is not None:
-                row = (*row, f"{summary.scores[policy][number].mean():.3f}")
+                score = score_interval(earned, summary.reference[task])
+                row = (*row, f"{score.mean:z.3f}", between(score, ".3f"))
             rows.append(row)
-    return format_table(rows, right=(2, 3, 4, 5, 6, 7))
+    return format_table(rows, right=range(2, len(rows[0])))
 
 
 def _notes(compared: Compared, of_suite: bool) -> str:
@@ -270,13 +285,34 @@ def table_of_aggregates(summary: Summary) -> str:
     heading = (word for name in HEADINGS.values() for word in (name, "95 %"))
     rows: list[tuple[str, ...]] = [("POLICY", *heading)]
     for policy, found in summary.aggregates.items():
-        single = all(len(runs) == 1 for runs in summary.scores[policy])
+        single = _single(summary, policy)
         row = [policy]
         for name in HEADINGS:
             one = found[name]
-            row += [f"{one.value:.3f}", "-" if single else f"{one.low:.3f} - {one.high:.3f}"]
+            row += [f"{one.value:.3f}", "-" if single else between(one, ".3f")]
         rows.append(tuple(row))
     return format_table(rows, right=tuple(range(1, 9)))
+
+
+def table_of_abilities(summary: Summary) -> str:
+    """A table with a row for each ability of the benchmark; "" if no ability has all its tasks."""
+    policies = list(summary.abilities)
+    rows: list[tuple[str, ...]] = [("IQM OF", *policies)]
+    for part in list(next(iter(summary.abilities.values()), {})):
+        if part != "all":  # in the table of aggregates
+            cells = ((policy, summary.abilities[policy][part]) for policy in policies)
+            rows.append((part, *(_told(one, _single(summary, policy)) for policy, one in cells)))
+    return format_table(rows, right=range(1, len(rows[0]))) if rows[1:] else ""
+
+
+def _single(summary: Summary, policy: str) -> bool:
+    """Whether a policy has a single run of every task."""
+    return all(len(runs) == 1 for runs in summary.scores[policy])
+
+
+def _told(one: Estimate, single: bool) -> str:
+    """A score with its interval; single runs have no interval."""
+    return f"{one.value:z.3f}" + ("" if single else f" ({between(one, '.3f')})")
 
 
 def _report(
@@ -284,6 +320,7 @@ def _report(
 ) -> dict[str, Any]:
     """The numbers as plain JSON values."""
     from .. import intervals, scores
+    from ..comparison import score_interval
 
     resamples = {"returns": intervals.RESAMPLES, "scores": scores.RESAMPLES}
     report: dict[str, Any] = {"seed": seed, "resamples": resamples, "policies": {}}
@@ -304,17 +341,23 @@ def _report(
                 },
             }
             if summary is not None:
+                earned = intervals.Interval(**tasks[task]["return"])
+                score = score_interval(earned, summary.reference[task])
                 tasks[task]["scores"] = summary.scores[policy][number].tolist()
+                tasks[task]["score"] = dataclasses.asdict(score)
         report["policies"][policy] = {"tasks": tasks}
         if summary is not None:
-            found = summary.aggregates[policy]
             report["policies"][policy] |= {
-                "aggregates": {name: dataclasses.asdict(one) for name, one in found.items()},
+                "aggregates": _plain(summary.aggregates[policy]),
                 "profile": {
                     name: values.tolist() for name, values in vars(summary.profiles[policy]).items()
                 },
             }
-    report["probability_of_improvement"] = {
-        other: dataclasses.asdict(chance) for other, chance in chances.items()
-    }
+            if policy in summary.abilities:
+                report["policies"][policy]["abilities"] = _plain(summary.abilities[policy])
+    report["probability_of_improvement"] = _plain(chances)
     return report
+
+
+def _plain(found: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: dataclasses.asdict(one) for name, one in found.items()}

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import suite
+from ..comparison import score_interval
 from ..errors import SettingError
 from ..files import name_of
 from ..intervals import mean_interval
 from ..progress import Progress
-from ..scores import normalised
 from .arguments import UsageError, flag_of
-from .listing import format_table
+from .listing import between, format_table
 from .opening import baselines, printing_warnings
 from .own_policy import is_own, load_own
 
@@ -181,20 +181,21 @@ def _runs(folder: Path, chosen: suite.Suite) -> Play:
 def table(results: list[tuple[suite.Task, Results]]) -> str:
     """A table of the means of all tasks with their intervals."""
     reference = suite.references()
-    rows = [("TASK", "RETURN", "95 %", "SUCCESS", "STEPS", "RANDOM", "EXPERT", "SCORE")]
+    rows = [("TASK", "RETURN", "95 %", "SUCCESS", "STEPS", "RANDOM", "EXPERT", "SCORE", "95 %")]
     for task, result in results:
         earned, ends = mean_interval(result.returns), reference[task.id]
-        score = float(normalised(earned.mean, ends.random, ends.expert))
+        score = score_interval(earned, ends)
         rows.append(
             (
                 task.id,
                 f"{earned.mean:.4g}",
-                f"{earned.low:.4g} - {earned.high:.4g}",
+                between(earned, ".4g"),
                 f"{result.successes.mean():.1%}",
                 f"{result.lengths.mean():.4g}",
                 f"{ends.random:.4g}",
                 f"{ends.expert:.4g}",
-                f"{score:.3f}",
+                f"{score.mean:z.3f}",
+                between(score, ".3f"),
             )
         )
-    return format_table(rows, right=(1, 2, 3, 4, 5, 6, 7))
+    return format_table(rows, right=range(1, len(rows[0])))

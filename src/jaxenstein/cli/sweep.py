@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..files import check_links
 from .arguments import Parser, UsageError, flag, reader, whole
-from .listing import format_table
+from .listing import between, format_table
 from .opening import (
     add_config,
     add_training_options,
@@ -92,9 +92,9 @@ def table(points: list[Point]) -> str:
                 point.label,
                 f"{point.runs}, {point.diverged} diverged" if point.diverged else str(point.runs),
                 f"{earned.mean:.3g}",
-                f"{earned.low:.3g} - {earned.high:.3g}",
+                between(earned, ".3g"),
                 f"{success.mean:.1%}",
-                f"{success.low:.1%} - {success.high:.1%}",
+                between(success, ".1%"),
             )
         )
     return format_table(rows, right=(1, 2, 3, 4, 5))
