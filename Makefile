@@ -60,7 +60,7 @@ docs: $(VENV)/.docs ## build the documentation in docs/_build/html
 
 demo: $(VENV)/.baselines ## train an agent in about 3 minutes; its curve and a GIF go to demo/
 	@rm -rf $(DEMO)/run && mkdir -p $(DEMO)
-	$(BIN)/jaxenstein train --config examples/demo.toml --out $(DEMO)/run
+	$(BIN)/jaxenstein train --config demo --out $(DEMO)/run
 	$(BIN)/jaxenstein plot $(DEMO)/run --metric success --out $(DEMO)/learning_curve.png
 	$(BIN)/jaxenstein evaluate $(DEMO)/run --gif $(DEMO)/agent.gif
 

@@ -132,15 +132,16 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def suite_tasks() -> str:
     """The tasks of the benchmark, for docs/suite.md."""
-    head = ("task", "tests", "frame skip", "split", "random", "expert")
+    head = ("task", "version", "tests", "frame skip", "split", "random", "expert", "why")
     rows = []
     for task in suite.TASKS:
         ends = suite.references()[task.id]
         split = "yes" if task.split else ""
         returns = (f"{value:.4g}" for value in (ends.random, ends.expert))
         name = f"`{task.id}`"
-        rows.append((name, task.ability, str(task.frame_skip), split, *returns))
-    return table(head, rows, right=(2, 4, 5))
+        numbers = str(task.frame_skip), split, *returns
+        rows.append((name, str(task.version), task.ability, *numbers, task.reason))
+    return table(head, rows, right=(1, 3, 5, 6))
 
 
 def suite_baselines() -> str:

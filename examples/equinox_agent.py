@@ -1,7 +1,7 @@
 """The same agent as `flax_agent.py` in equinox: PPO in one compiled program.
 
     python -m examples.equinox_agent                   learns `miniworld-hallway` on a CPU
-    jaxenstein score runs/own/equinox_agent.json
+    jaxenstein score runs/own/equinox_agent-miniworld-hallway-0.json
 
 This file defines the network; `recurrent_ppo.py` has the algorithm, `own_training.py` flags, logs
 and evaluation. Needs pip install equinox optax.

@@ -1,7 +1,7 @@
 """An agent with memory in flax: PPO in one compiled program, checkpoints, evaluation.
 
     python -m examples.flax_agent                      learns `miniworld-hallway` on a CPU
-    jaxenstein score runs/own/flax_agent.json
+    jaxenstein score runs/own/flax_agent-miniworld-hallway-0.json
 
 This file defines the network; `recurrent_ppo.py` has the algorithm, `own_training.py` flags, logs
 and evaluation. Needs pip install 'jaxenstein[baselines]'. Also logs to TensorBoard (tensorboardX)

@@ -29,16 +29,23 @@ def parse(description: str, argv: Sequence[str] | None) -> argparse.Namespace:
     """The flags of both examples."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--env", default="miniworld-hallway", help="an id (default %(default)s)")
-    parser.add_argument("--task", help="a task of the benchmark, instead of --env and --size")
+    help = "a task of the benchmark, for its number of decisions; instead of --env and --size"
+    parser.add_argument("--task", help=help)
     numbers = {"size": (16, "pixels a side"), "hidden": (64, "size of the memory"),
                "envs": (32, "environments"), "steps": (64, "steps per rollout"),
-               "updates": (60, "updates"), "every": (10, "updates between checkpoints"),
+               "every": (10, "updates between checkpoints"),
                "episodes": (100, "episodes of evaluation"), "seed": (0, "seed")}  # fmt: skip
     for name, (default, told) in numbers.items():
         help = f"{told} (default {default})"
         parser.add_argument(f"--{name}", type=int, default=default, help=help)
+    parser.add_argument("--updates", type=int, help="updates (default 60, or those of --task)")
     parser.add_argument("--out", type=Path, default=Path("runs/own"), help="(default %(default)s)")
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    if options.updates is None:
+        decisions = suite.suite_of("small").total_steps
+        updates = -(-decisions // (options.envs * options.steps))
+        options.updates = 60 if options.task is None else updates
+    return options
 
 
 def make_env(options: argparse.Namespace, *, test: bool = False) -> tuple[Any, Any]:
@@ -53,13 +60,13 @@ def make_env(options: argparse.Namespace, *, test: bool = False) -> tuple[Any, A
 
 
 @contextlib.contextmanager
-def logs(out: Path, config: Mapping[str, Any]) -> Iterator[list[Log]]:
+def logs(out: Path, name: str, config: Mapping[str, Any]) -> Iterator[list[Log]]:
     """The loggers: screen, and TensorBoard and Weights & Biases if they are installed."""
     found: list[Log] = [show]
     with contextlib.ExitStack() as stack:
         if importlib.util.find_spec("tensorboardX"):
             board: Any = importlib.import_module("tensorboardX")
-            writer = board.SummaryWriter(f"{out}/tensorboard")
+            writer = board.SummaryWriter(f"{out}/tensorboard/{name}")
             stack.callback(writer.close)
             found.append(
                 lambda steps, row: [writer.add_scalar(*item, steps) for item in row.items()]
@@ -67,7 +74,8 @@ def logs(out: Path, config: Mapping[str, Any]) -> Iterator[list[Log]]:
         if importlib.util.find_spec("wandb"):
             wandb: Any = importlib.import_module("wandb")
             # Offline; `wandb sync` uploads the folder later.
-            run = wandb.init(project="jaxenstein", mode="offline", dir=out, config=dict(config))
+            kept = {"mode": "offline", "dir": out}
+            run = wandb.init(project="jaxenstein", name=name, config=dict(config), **kept)
             stack.callback(run.finish)
             found.append(lambda steps, row: run.log(dict(row), step=steps))
         yield found
@@ -94,10 +102,10 @@ def run(
         network: the network, with a memory of size `options.hidden`.
         weights: the initial weights.
         save: writes weights to a file.
-        name: name of the agent and of its files.
+        name: name of the agent.
 
     Returns:
-        The weights and the results; NAME.json has the results for `jaxenstein score`.
+        The weights and the results; NAME-ENV-SEED.json has the results for `jaxenstein score`.
     """
     options.out.mkdir(parents=True, exist_ok=True)
     settings = Settings(envs=options.envs, steps=options.steps, epochs=2, minibatches=4)
@@ -108,7 +116,8 @@ def run(
     trainer = Trainer(*world, network, optimiser, settings)
     training = trainer.begin(jax.random.key(options.seed), weights, options.hidden)
     done, named = 0, ("episodes", "return", "length")
-    with logs(options.out, {key: str(value) for key, value in vars(options).items()}) as told:
+    file = f"{name}-{world[0].name}-{options.seed}"
+    with logs(options.out, file, {key: str(value) for key, value in vars(options).items()}) as told:
         while done < options.updates:
             training, report = trainer.run(training, min(options.every, options.updates - done))
             for row in zip(*jax.device_get(report), strict=True):
@@ -117,12 +126,12 @@ def run(
                 shown = {k: float(v) for k, v in zip(named, row, strict=True) if v == v}
                 for log in told:
                     log(done * options.envs * options.steps, shown)
-            save(options.out / name, training.weights)
+            save(options.out / file, training.weights)
     start = jnp.zeros(options.hidden), jnp.bool_(True)
     policy = policy_of(network, training.weights)
     # All seeds play the same episodes.
     tested, run = make_env(options, test=True), f"{name}-{options.seed}"
     results = jaxenstein.evaluate(*tested, policy, start, options.episodes, seed=1, name=run)
-    jaxenstein.write_results(options.out / f"{name}.json", [results])
+    jaxenstein.write_results(options.out / f"{file}.json", [results])
     print(results.summary())
     return training.weights, results

@@ -45,6 +45,11 @@ PARTNERS: dict[str, Partner] = {
         ("examples/test_own_agents.py",),
         ("equinox", "tensorboardX", "wandb"),
     ),
+    "tensorboard": Partner(
+        ("tensorboard>=2.18", "tensorboardX>=2.6", "flax>=0.12", "optax>=0.2.4", "matplotlib>=3.9"),
+        ("baselines/runs/test_foreign.py",),
+        ("tensorboard", "tensorboardX", "matplotlib"),
+    ),
     "vizdoom": Partner(
         ("vizdoom>=1.3", "flax>=0.12", "optax>=0.2.4", "matplotlib>=3.9"),
         (

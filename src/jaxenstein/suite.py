@@ -244,7 +244,7 @@ def references() -> dict[str, Reference]:
 
 
 def reference_rows() -> dict[str, dict[str, Any]]:
-    """As `references`, with standard errors, numbers of episodes, and names of the experts."""
+    """As `references`, with standard errors, numbers of episodes, and versions of the tasks."""
     return json.loads(REFERENCES.read_text("utf-8"))
 
 

@@ -27,7 +27,6 @@ from tests.baselines.tiny import OPTIONS, UPDATES, tiny
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
-ROOT = Path(__file__).parents[2]
 FLAGS = [
     "--height=12", "--width=16", "--horizon=10", "--total-steps=192", "--num-envs=4",
     "--rollout=8", "--minibatches=2", "--epochs=2", "--features=8", "--hidden=8", "--head=8",
@@ -216,7 +215,7 @@ def test_top_level_help_imports_no_extra() -> None:
 
 
 def test_demo_config_resolves() -> None:
-    experiment = resolve(parse("--config", str(ROOT / "examples" / "demo.toml")))
+    experiment = resolve(parse("--config", "demo"))
     assert (experiment.config.updates, len(experiment.runs)) == (30, 2)
     assert experiment.environment.settings["frame_skip"] == 6
 

@@ -65,12 +65,13 @@ def test_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) ->
     weights, results = example.main([*SMALL, "--out", str(tmp_path)])
     assert capsys.readouterr().out.count("steps: episodes") == 3
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(weights))
-    saved = example.load(tmp_path / name, jax.tree.map(jnp.zeros_like, weights))
+    file = f"{name}-miniworld-hallway-0"
+    saved = example.load(tmp_path / file, jax.tree.map(jnp.zeros_like, weights))
     jax.tree.map(np.testing.assert_array_equal, saved, weights)
-    (read,) = jaxenstein.read_results(tmp_path / f"{name}.json")
+    (read,) = jaxenstein.read_results(tmp_path / f"{file}.json")
     assert (read.policy, read.environment.id) == (f"{name}-0", "miniworld-hallway")
     np.testing.assert_array_equal(read.lengths, results.lengths)
-    assert main(["score", str(tmp_path / f"{name}.json")]) == 0
+    assert main(["score", str(tmp_path / f"{file}.json")]) == 0
     assert name in capsys.readouterr().out
     assert [kind for kind, _ in loggers if kind in ("writer", "run", "closed", "finished")] == [
         "writer", "run", "finished", "closed"
@@ -80,6 +81,12 @@ def test_short_training(name: str, tmp_path: Path, loggers: Any, capsys: Any) ->
     assert [steps for _, steps in rows] == [24, 48, 72]
     scalars = [scalar for kind, scalar in loggers if kind == "scalar"]
     assert scalars == [(key, value, steps) for row, steps in rows for key, value in row.items()]
+
+
+def test_a_task_sets_the_number_of_decisions() -> None:
+    own_training = pytest.importorskip("examples.own_training")
+    for words, updates in (([], 60), (["--task=t-maze"], 1465), (["--task=simple", *SMALL], 3)):
+        assert own_training.parse("", words).updates == updates
 
 
 @pytest.mark.usefixtures("plain_frames", "loggers")
@@ -102,7 +109,7 @@ def test_both_loggers_write_their_files(name: str, tmp_path: Path) -> None:
         pytest.importorskip(logger)
     example = pytest.importorskip(f"examples.{name}")
     example.main([*SMALL, "--out", str(tmp_path)])
-    assert len([*tmp_path.glob("tensorboard/events.out.tfevents.*")]) == 1
+    assert len([*tmp_path.glob("tensorboard/*/events.out.tfevents.*")]) == 1
     assert len([*tmp_path.glob("wandb/offline-run-*/run-*.wandb")]) == 1
 
 

@@ -147,13 +147,14 @@ def tasks_of(name: str) -> str:
     from .. import suite
 
     chosen, reference = suite.suite_of(name), suite.references()
-    rows = [("TASK", "ABILITY", "SKIP", "IMAGE", "SPLIT", "RANDOM", "EXPERT", "REASON")]
+    rows = [("TASK", "VERSION", "ABILITY", "SKIP", "IMAGE", "SPLIT", "RANDOM", "EXPERT", "REASON")]
     for task in suite.TASKS:
         height, width = chosen.image or task.small
         ends = reference[task.id]
         rows.append(
             (
                 task.id,
+                str(task.version),
                 task.ability,
                 str(task.frame_skip),
                 f"{width}x{height}",
@@ -170,7 +171,7 @@ def tasks_of(name: str) -> str:
         "split: agents train on one part of the levels and are tested on the other",
         "random, expert: returns of the two players that normalise the scores",
     )
-    return "\n".join([format_table(rows, right=(2, 3, 5, 6), width=WIDER), "", *notes])
+    return "\n".join([format_table(rows, right=(1, 3, 4, 6, 7), width=WIDER), "", *notes])
 
 
 def configurations() -> str:

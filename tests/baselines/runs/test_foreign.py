@@ -178,7 +178,9 @@ def test_tensorboard_folders_are_seeds(tmp_path: Path) -> None:
     np.testing.assert_array_equal(curve.values, [[0.5, 1.5, 2.0], [4.0, np.nan, np.nan]])
     (alone,) = curves_of(tmp_path / "tb" / "a", "charts/return", over="minutes")
     assert alone.at[0] <= alone.at[-1] < 1
-    with pytest.raises(SettingError, match="no column 'score'; it has: charts/return, loss; name"):
+    with pytest.raises(
+        SettingError, match="no column 'score'; it has: charts/return, loss; choose"
+    ):
         curves_of(tmp_path / "tb", "score")
 
 
