@@ -135,7 +135,7 @@ def training_figure() -> Figure:
             axes.plot(at[there], mean, label=algo.upper(), color=f"C{number}")
             axes.fill_between(at[there], low, high, color=f"C{number}", alpha=0.2, lw=0)
         axes.set_title(task.id, fontsize="small")
-        axes.set_ylim(-0.1, 1.05)
+        axes.set_ylim(-0.3, 1.05)
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     lines = panels.flat[0].get_legend_handles_labels()

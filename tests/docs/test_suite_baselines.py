@@ -42,9 +42,12 @@ def test_the_curves_belong_to_the_results() -> None:
             assert curve["decisions"][-1] == pytest.approx(3_000_000, rel=0.01)
 
 
-def test_an_algorithm_has_one_colour_in_all_panels() -> None:
-    lines = [line for axes in suite_baselines.training_figure().axes for line in axes.lines]
-    colours = {(line.get_label(), line.get_color()) for line in lines}
+def test_all_curves_are_seen_in_one_colour_per_algorithm() -> None:
+    panels = suite_baselines.training_figure().axes
+    for axes in panels:
+        low, high = axes.get_ylim()
+        assert all(low < y < high for line in axes.lines for y in line.get_ydata())
+    colours = {(line.get_label(), line.get_color()) for axes in panels for line in axes.lines}
     assert len(colours) == len(suite_baselines.stored_curves())
 
 
