@@ -68,9 +68,9 @@ def test_evaluate_plays_own_policy(module: str, capsys: pytest.CaptureFixture[st
         "own",
         "1",
         "1",
-        "-",
+        "to",
         "1",
-        *("100.0%", "100.0%", "-", "100.0%", "25"),
+        *("100.0%", "100.0%", "to", "100.0%", "25"),
     ]
     (results,) = read_results("r.json")
     assert (results.policy, results.actions) == (f"{module}:forward", None)
