@@ -14,9 +14,9 @@ from jaxenstein import suite
 from jaxenstein.catalogue import MAIN_IDS
 from jaxenstein.cli import build_parser
 from jaxenstein.cli.listing import between
-from jaxenstein.comparison import Compared, score_interval
+from jaxenstein.comparison import run_scores, score_interval
 from jaxenstein.intervals import Interval, mean_interval
-from jaxenstein.scores import Estimate
+from jaxenstein.scores import Estimate, aggregates
 
 INTRODUCTION = """\
 # Command line
@@ -145,37 +145,22 @@ def suite_tasks() -> str:
 
 
 def suite_baselines() -> str:
-    """The scores of our agents on each task, and their interquartile means, for docs/suite.md.
-
-    Cells of tasks on which an algorithm was not trained are empty.
-    """
-    from docs.suite_baselines import partial_results  # needs the extra baselines
-
+    """The scores of our agents on each task, and their interquartile means, for docs/suite.md."""
     # "PPO (baseline)" is "PPO" here.
-    shipped = {name.partition(" ")[0]: mine for name, mine in suite.baselines().items()}
-    shipped |= {algo.upper(): mine for algo, mine in partial_results().items()}
+    ours = {name.partition(" ")[0]: mine for name, mine in suite.baselines().items()}
+    ends = suite.references()
     rows = []
     for task in suite.TASKS:
-        row, ends = [f"`{task.id}`"], suite.references()[task.id]
-        for mine in shipped.values():
-            if task.id not in mine:
-                row.append("")
-                continue
-            score = score_interval(mean_interval(mine[task.id].returns), ends)
-            row.append(_interval(score.mean, score))
-        rows.append(row)
-    right = range(1, 1 + len(shipped))
-    means = table(["tasks", *shipped], _means(shipped), right)
-    return f"{table(['task', *shipped], rows, right)}\n\n{means}"
-
-
-def _means(shipped: Compared) -> list[list[str]]:
-    """The interquartile means over all tasks, and over the tasks of each ability."""
-    found = [suite.interquartile_means(mine) for mine in shipped.values()]
-    return [
-        [part, *(_interval(of[part].value, of[part]) if part in of else "" for of in found)]
-        for part in found[0]
+        earned = (mean_interval(mine[task.id].returns) for mine in ours.values())
+        scores = (score_interval(one, ends[task.id]) for one in earned)
+        rows.append([f"`{task.id}`", *(_interval(score.mean, score) for score in scores)])
+    found = [
+        {"all": aggregates(run_scores(mine, ends))["interquartile_mean"], **suite.abilities(mine)}
+        for mine in ours.values()
     ]
+    means = [[part, *(_interval(of[part].value, of[part]) for of in found)] for part in found[0]]
+    right = range(1, 1 + len(ours))
+    return f"{table(['task', *ours], rows, right)}\n\n{table(['tasks', *ours], means, right)}"
 
 
 def _interval(value: float, ends: Interval | Estimate) -> str:

@@ -1,8 +1,7 @@
 """Our agents on the small suite of the benchmark: results, training curves and figures.
 
-The results are part of the package (`jaxenstein.suite.BASELINES`), those of algorithms that lack
-some tasks are in docs/suite_partial, and the curves are in docs/suite_curves. `add` writes them for
-an algorithm; `draw` and the tables only read them.
+The results are part of the package (`jaxenstein.suite.BASELINES`), and the curves are in
+docs/suite_curves. `add` writes them for an algorithm; `draw` and the tables only read them.
 """
 
 from __future__ import annotations
@@ -22,13 +21,13 @@ from jaxenstein.baselines.runs.folder import RunFolder
 from jaxenstein.cli import main as command
 from jaxenstein.cli.suite import planned, trained_on
 from jaxenstein.files import atomic, make_folder
-from jaxenstein.results import Results, read_results, write_results
+from jaxenstein.results import read_results, write_results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE = "small"
-CURVES, PARTIAL = HERE / "suite_curves", HERE / "suite_partial"
+CURVES = HERE / "suite_curves"
 IMAGES = HERE / "images" / "results"
 # The most points of a curve, and the panels in a row.
 POINTS, COLUMNS = 50, 4
@@ -37,14 +36,12 @@ POINTS, COLUMNS = 50, 4
 def add(folder: Path) -> None:
     """Test the agents of one algorithm, and write their results and curves.
 
-    Until there are results for all tasks, they are in docs/suite_partial. Each call adds the tasks
-    of its folder, or replaces their results.
-
     Args:
-        folder: a folder of `jaxenstein train --suite`, with runs for some or all of the tasks.
+        folder: a folder of `jaxenstein train --suite`; if the algorithm has results already, with
+            runs for some or all of the tasks.
 
     Raises:
-        SystemExit: the agents do not follow the protocol.
+        SystemExit: the agents do not follow the protocol, or a task is missing.
     """
     tasks = [task for task in suite.TASKS if (folder / task.id).is_dir()]
     about = [RunFolder.open(folder / task.id).experiment for task in tasks]
@@ -52,9 +49,12 @@ def add(folder: Path) -> None:
         raise SystemExit(f"{folder}: no run of a task of the benchmark")
     algo = about[0].config.algo
     usual = planned(SIZE, {"algo": algo}, 1)
-    shipped, partial = (place / f"{algo}.json" for place in (_shipped(), make_folder(PARTIAL)))
-    stored = next((path for path in (shipped, partial) if path.exists()), None)
-    results = {} if stored is None else _by_task(stored)
+    shipped = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}") / f"{algo}.json"
+    results = {}
+    if shipped.exists():
+        results = {str(one.environment.id): one for one in read_results(shipped)}
+    if missing := [task.id for task in suite.TASKS if task not in tasks and task.id not in results]:
+        raise SystemExit(f"{folder} has no run of {', '.join(missing)}")
     curves = dict(stored_curves().get(algo, {}))
     for task, run in zip(tasks, about, strict=True):
         path = folder / task.id
@@ -70,31 +70,14 @@ def add(folder: Path) -> None:
         trained = trained_on(suite.task_of(id), folder, suite.SUITES[SIZE])
         named = dataclasses.replace(trained, name=algo)
         results[id] = evaluate(named, episodes=suite.EPISODES)
-    ids = [task.id for task in suite.TASKS if task.id in results]
+    ids = [task.id for task in suite.TASKS]
     ordered = [results[id] for id in ids]
     if departures := suite.departures(ordered):
         raise SystemExit(f"{folder} departs from the protocol: {', '.join(departures)}")
-    complete = len(ordered) == len(suite.TASKS)
-    write_results(shipped if complete else partial, ordered)
-    if complete:
-        partial.unlink(missing_ok=True)
+    write_results(shipped, ordered)
     lines = ",\n".join(f"{json.dumps(id)}: {json.dumps(curves[id])}" for id in ids)
     with atomic(make_folder(CURVES) / f"{algo}.json") as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", "utf-8")
-
-
-def partial_results() -> dict[str, dict[str, Results]]:
-    """The results of algorithms that lack some tasks, by algorithm and task."""
-    return {path.stem: _by_task(path) for path in sorted(PARTIAL.glob("*.json"))}
-
-
-def _by_task(path: Path) -> dict[str, Results]:
-    return {str(one.environment.id): one for one in read_results(path)}
-
-
-def _shipped() -> Path:
-    """The folder of results that are part of the package."""
-    return make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}")
 
 
 def _curve(run: Path) -> dict[str, Any]:
@@ -124,8 +107,6 @@ def training_figure() -> Figure:
     for axes, task in zip(panels.flat, suite.TASKS, strict=False):
         ends = suite.references()[task.id]
         for number, (algo, curves) in enumerate(stored_curves().items()):
-            if task.id not in curves:
-                continue
             at = np.array(curves[task.id]["decisions"]) / 1e6
             returns = np.array(curves[task.id]["returns"], np.float64)
             # No episode may end in a part of the training.

@@ -74,8 +74,9 @@ def logs(out: Path, name: str, config: Mapping[str, Any]) -> Iterator[list[Log]]
         if importlib.util.find_spec("wandb"):
             wandb: Any = importlib.import_module("wandb")
             # Offline; `wandb sync` uploads the folder later.
-            kept = {"mode": "offline", "dir": out}
-            run = wandb.init(project="jaxenstein", name=name, config=dict(config), **kept)
+            run = wandb.init(
+                project="jaxenstein", name=name, mode="offline", dir=out, config=dict(config)
+            )
             stack.callback(run.finish)
             found.append(lambda steps, row: run.log(dict(row), step=steps))
         yield found

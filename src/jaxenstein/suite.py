@@ -304,29 +304,27 @@ def baselines(suite: str = "small") -> Compared:
         raise SettingError(f"the baselines of this package are damaged: {error}") from error
 
 
-def interquartile_means(mine: Mapping[str, Results], *, seed: int = 0) -> dict[str, Estimate]:
-    """The interquartile mean of a policy's scores in all tasks, and in those of each ability.
+def abilities(mine: Mapping[str, Results], *, seed: int = 0) -> dict[str, Estimate]:
+    """The interquartile mean of a policy's scores in the tasks of each ability.
 
     Args:
         mine: the results of the policy by task, as in `baselines`.
         seed: the seed of the bootstrap, as in `jaxenstein.scores.aggregates`.
 
     Returns:
-        By "all" and by ability, in the order of `TASKS`; without those of which a task is missing.
+        By ability, in the order of `TASKS`; without abilities of which a task is missing.
     """
     from .scores import aggregates
 
-    parts = {"all": [task.id for task in TASKS]}
+    parts: dict[str, list[str]] = {}
     for task in TASKS:
         parts.setdefault(task.ability, []).append(task.id)
-    ends = references()
-    return {
-        ability: aggregates(run_scores({id: mine[id] for id in ids}, ends), seed=seed)[
-            "interquartile_mean"
-        ]
-        for ability, ids in parts.items()
-        if {*ids} <= {*mine}
-    }
+    ends, found = references(), {}
+    for ability, ids in parts.items():
+        if {*ids} <= {*mine}:
+            scores = run_scores({id: mine[id] for id in ids}, ends)
+            found[ability] = aggregates(scores, seed=seed)["interquartile_mean"]
+    return found
 
 
 def departures(results: Iterable[Results]) -> list[str]:

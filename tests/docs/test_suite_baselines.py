@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -15,28 +14,24 @@ import pytest
 pytest.importorskip("flax")
 pytest.importorskip("matplotlib")
 
-from docs import measured, other_pages, suite_baselines
+from docs import measured, suite_baselines
 from jaxenstein import suite
 from jaxenstein.cli import main
 from jaxenstein.cli.arguments import flag_of
-from jaxenstein.comparison import Compared, run_returns
+from jaxenstein.comparison import Compared, run_returns, run_scores
 from jaxenstein.intervals import mean_interval
-from jaxenstein.results import read_results, write_results
-from jaxenstein.scores import normalised, probability_of_improvement
+from jaxenstein.results import read_results
+from jaxenstein.scores import aggregates, normalised, probability_of_improvement
 
 PAGE = "<!-- suite tasks -->\n<!-- end -->\n<!-- suite baselines -->\n<!-- end -->\n"
 
 
 def test_the_curves_belong_to_the_results() -> None:
-    curves, partial = suite_baselines.stored_curves(), suite_baselines.partial_results()
+    curves = suite_baselines.stored_curves()
     shipped = suite.BASELINES / f"{suite_baselines.SIZE}-{suite.VERSION}"
-    assert [*curves] == sorted([*(path.stem for path in shipped.glob("*")), *partial])
-    assert not {*partial} & {path.stem for path in shipped.glob("*")}
-    for results in partial.values():
-        assert suite.departures(results.values()) == []
+    assert [*curves] == sorted(path.stem for path in shipped.glob("*"))
     for algo, tasks in curves.items():
-        expected = partial.get(algo, [task.id for task in suite.TASKS])
-        assert [*tasks] == [*expected], algo
+        assert [*tasks] == [task.id for task in suite.TASKS], algo
         for curve in tasks.values():
             assert np.shape(curve["returns"]) == (suite.SEEDS, len(curve["decisions"])), algo
             assert curve["decisions"][-1] == pytest.approx(3_000_000, rel=0.01)
@@ -106,9 +101,12 @@ CLOSE = 0.01
 
 
 def test_the_page_says_which_interquartile_means_are_apart() -> None:
-    means = {algo: suite.interquartile_means(mine) for algo, mine in our_results().items()}
+    means, ends = {}, suite.references()
+    for algo, mine in our_results().items():
+        over_all = aggregates(run_scores(mine, ends))["interquartile_mean"]
+        means[algo] = {"all": over_all, **suite.abilities(mine)}
     apart, touching = [], []
-    for part in ("all", *dict.fromkeys(task.ability for task in suite.TASKS)):
+    for part in means["PPO"]:
         for one, other in itertools.permutations(means, 2):
             gap = means[other][part].low - means[one][part].high
             if gap > CLOSE:
@@ -166,7 +164,6 @@ def test_an_algorithm_is_added_from_its_runs(
     for module, name in (
         (suite, "BASELINES"),
         (suite_baselines, "CURVES"),
-        (suite_baselines, "PARTIAL"),
         (suite_baselines, "IMAGES"),
     ):
         monkeypatch.setattr(module, name, tmp_path / name.lower())
@@ -184,10 +181,10 @@ def test_an_algorithm_is_added_from_its_runs(
     assert main([*train, "--out", "runs"]) == 0
     # With one task of two.
     shutil.copytree("runs", "part", ignore=lambda *_: ["simple"])
-    suite_baselines.add(Path("part"))
-    assert [*suite_baselines.partial_results()["e3b"]] == ["t-maze"]
+    with pytest.raises(SystemExit, match="part has no run of simple"):
+        suite_baselines.add(Path("part"))
     measured.main(["baselines", "runs"])
-    assert not suite_baselines.partial_results()
+    suite_baselines.add(Path("part"))
     results = read_results("baselines/small-1/e3b.json")
     assert [one.returns.shape for one in results] == [(2, 100)] * 2
     for one in results:
@@ -200,10 +197,6 @@ def test_an_algorithm_is_added_from_its_runs(
         "suite-profiles.png",
         "suite-training.png",
     }
-    write_results("partial/icm.json", results[:1])
-    told = other_pages.suite_baselines()
-    assert re.search(r"\| `t-maze` (\|[^|]+){2}\|\n\| `simple` \|[^|]+\|  \|\n", told)
-    assert re.search(r"\| all \|[^|]+\|  \|\n", told)
     # Half of the decisions.
     assert main([*train, "--out", "short", "--budget", "0.5"]) == 0
     with pytest.raises(SystemExit, match=r"short.t-maze was not trained by .* its config differs"):

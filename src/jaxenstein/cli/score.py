@@ -216,7 +216,7 @@ def summarised(
         scores,
         {policy: aggregates(mine, seed=seed) for policy, mine in scores.items()},
         {policy: profile(mine, taus, seed=seed) for policy, mine in scores.items()},
-        {policy: suite.interquartile_means(mine, seed=seed) for policy, mine in of_suite.items()},
+        {policy: suite.abilities(mine, seed=seed) for policy, mine in of_suite.items()},
     )
 
 
@@ -296,12 +296,13 @@ def table_of_aggregates(summary: Summary) -> str:
 
 def table_of_abilities(summary: Summary) -> str:
     """A table with a row for each ability of the benchmark; "" if no ability has all its tasks."""
-    policies = list(summary.abilities)
-    rows: list[tuple[str, ...]] = [("IQM OF", *policies)]
-    for part in list(next(iter(summary.abilities.values()), {})):
-        if part != "all":  # in the table of aggregates
-            cells = ((policy, summary.abilities[policy][part]) for policy in policies)
-            rows.append((part, *(_told(one, _single(summary, policy)) for policy, one in cells)))
+    rows: list[tuple[str, ...]] = [("IQM OF", *summary.abilities)]
+    for ability in next(iter(summary.abilities.values()), {}):
+        cells = (
+            _told(found[ability], _single(summary, policy))
+            for policy, found in summary.abilities.items()
+        )
+        rows.append((ability, *cells))
     return format_table(rows, right=range(1, len(rows[0]))) if rows[1:] else ""
 
 
