@@ -104,7 +104,7 @@ def _settings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> S
         # The last core, since the system uses the first one most.
         core = allowed[-1] if options.core is None else options.core
         if core not in allowed:
-            parser.error(f"--core: there is no core {core}; available: {allowed}")
+            parser.error(f"--core must be one of {allowed}, not {core}")
     rounds, seconds = options.rounds or rounds, options.seconds or seconds
     return Settings(core, rounds, seconds, options.quick, options.only)
 

@@ -144,7 +144,7 @@ def looks(family: Family) -> str:
         return ""
     return f"""## Looks
 
-`{name}` with `look="plain"`, `"patterned"`, and twice `"random"`
+`{name}` with `look="plain"`, `"patterned"` and, twice, `"random"`
 ([concepts](../concepts.md#looks)):
 
 ```{{image}} ../images/looks/{name}.png

@@ -23,7 +23,8 @@ INTRODUCTION = """\
 
 `jaxenstein COMMAND --help` prints the text of this page. `python -m jaxenstein` is the same
 command. The exit status is 2 for wrong arguments, 1 if something cannot be written or run or if a
-replay differs, and 3 if all runs of a training diverge.
+replay differs, 3 if all runs of a training diverge, 130 if Ctrl-C or `--minutes` ends a training,
+and 141 if the reader of the output closes it.
 
 Commands cache compiled programs in `~/.cache/jaxenstein` (or below `XDG_CACHE_HOME`), at most about
 1 GiB, so that later calls start at once. `--no-cache` turns the cache off.
@@ -37,13 +38,13 @@ SCOREBOARD = """# Scoreboard
 This table compares trained agents with a random player and with a scripted expert, which sees the
 whole state. Players: mean return and, in brackets, success rate over {played} episodes; the pages
 of the environments have standard errors. Agents: success rate of the best agents below, or their
-return if the task has no success.
+return if that rate is 0.
 
 {beside}
 
 ## Agents
 
-Success rate, or return if the task has no success, over all seeds and {episodes} episodes each,
+Success rate, or return if that rate is 0, over all seeds and {episodes} episodes each,
 with 95 % bootstrap intervals. "Greedy" takes the most likely action, "sampled" samples one. Minutes
 are for all seeds in parallel on one core, including compilation. The players above use frame skip
 1; a frame skip also changes the return of a random player.
@@ -103,7 +104,7 @@ def _best(row: Mapping[str, Any]) -> tuple[float, str]:
 
 
 def _measure(row: Mapping[str, Any]) -> str:
-    """The measure of an agent: success, or return if the task has no success."""
+    """The measure of an agent: success, or return if no episode succeeds."""
     return "success" if any(of["mean"] for of in row["success"].values()) else "return"
 
 

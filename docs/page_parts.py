@@ -29,7 +29,7 @@ OF_ALL = {
     "heading": "radians, 0 along +x, growing clockwise on the map",
     "cell": "(column, row) of the tile",
     "episode_return": "undiscounted sum of the rewards since the reset",
-    "episode_length": "steps since the reset",
+    "episode_length": "world steps since the reset",
 }
 """The entries of `info` that every task has."""
 
@@ -180,7 +180,7 @@ def returns(name: str) -> str:
     rows_of = f"{stored[0]['episodes']} episodes of version {stored[0]['version']}"
     measured = f"{rows_of}, at frame skip 1 and with the default params"
     listed = table(head, rows, right=(1, 2, 3, 4))
-    return f"Returns of {measured}, with the standard error of the mean:\n\n{listed}"
+    return f"Returns over {measured}, with standard errors:\n\n{listed}"
 
 
 def fidelity(family: Family) -> str:

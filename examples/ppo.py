@@ -1,6 +1,6 @@
 """PPO with the JAX interface: rollouts, resets and updates are one compiled program.
 
-    python examples/ppo.py                            a small room, about a minute on two cores
+    python examples/ppo.py                            a small room, 40 s on two cores
     python examples/ppo.py --env simple --updates 300
 
 It needs only jax and jaxenstein; the network and Adam are in this file. The style is that of

@@ -220,7 +220,7 @@ def _differing(found: Sequence[str], wanted: Sequence[str]) -> str:
     """The first steps whose digests differ, in words."""
     for index, (one, other) in enumerate(itertools.zip_longest(found, wanted)):
         if one != other:
-            return f"some step of {index * BLOCK} to {index * BLOCK + BLOCK - 1}"
+            return f"one of steps {index * BLOCK} to {index * BLOCK + BLOCK - 1}"
     return ""
 
 

@@ -98,7 +98,7 @@ def test_summary_shows_means() -> None:
         ({"successes": np.full((2, 3), 2)}, "successes must be an array"),
         ({"returns": [[1.0], [1.0, 2.0]]}, "returns must be an array .* of numbers"),
         ({"returns": np.full((2, 3), "1")}, "returns must be an array .* of numbers"),
-        ({"names": ("a", "a")}, "two runs have the same name"),
+        ({"names": ("a", "a")}, "names of runs must differ"),
         ({"actions": "best"}, "must be 'greedy', 'sampled' or None, not 'best'"),
         ({"seed": -1}, "seed must be a whole number"),
         ({"policy": "a\nb"}, "policy must be one line of text"),

@@ -42,10 +42,10 @@ P = TypeVar("P", bound=Params)
 class Environment(abc.ABC, Generic[S, P]):
     """Base of all environments: frozen and hashable, so equal settings share one compilation.
 
-    All methods are pure, take unbatched arguments and work under `jax.jit`, `jax.vmap` and
-    `jax.lax.scan`. Random keys may be typed (`jax.random.key`) or raw (`jax.random.PRNGKey`).
-    Without `params`, methods use `default_params`. An action outside the action space does
-    nothing, but the step still takes its time.
+    Methods are pure and take unbatched arguments; those that return arrays work under `jax.jit`,
+    `jax.vmap` and `jax.lax.scan`. Random keys may be typed (`jax.random.key`) or raw
+    (`jax.random.PRNGKey`). Without `params`, methods use `default_params`. An action outside the
+    action space does nothing, but the step still takes its time.
 
     Attributes:
         name: the id, or the name of a custom map.
@@ -191,7 +191,15 @@ class Environment(abc.ABC, Generic[S, P]):
 
     @compiled
     def reset(self, key: jax.Array, params: P | None = None) -> tuple[Any, S]:
-        """Start an episode; returns its first observation and state."""
+        """Start an episode; returns its first observation and state.
+
+        Args:
+            key: one random key.
+            params: one set of params.
+
+        Raises:
+            SettingError: as `single_params`.
+        """
         params = self.single_params(params)
         state = self.first_state(key, params)
         return self.observe(state, params), state
@@ -202,12 +210,21 @@ class Environment(abc.ABC, Generic[S, P]):
     ) -> tuple[Any, S, jax.Array, jax.Array, jax.Array, Info]:
         """Take a step, then reset as `autoreset` says.
 
+        Args:
+            key: one random key.
+            state: the state before the step.
+            action: integer[].
+            params: one set of params.
+
         Returns:
             observation; state; float32[] reward; bool[] terminated, whether the task ended the
             episode; bool[] truncated, whether the time limit did (both can be true); info.
             `info` describes the state before any reset, so where `terminated | truncated`,
             `episode_return` and `episode_length` cover the whole episode. `success`, bool[], is
             true in a step that reached the aim of the task.
+
+        Raises:
+            SettingError: as `single_params`, or the action is not one integer.
         """
         params = self.single_params(params)
         step_key, reset_key = jax.random.split(key)
@@ -234,7 +251,7 @@ class Environment(abc.ABC, Generic[S, P]):
     def advance(
         self, key: jax.Array, state: S, action: Any, params: P | None = None
     ) -> tuple[S, jax.Array, jax.Array, Info]:
-        """Take a step without a reset and without an observation.
+        """Take a step without a reset and without an observation; arguments and errors as `step`.
 
         Returns:
             state; float32[] reward; bool[] terminated; info. For truncation, call

@@ -13,7 +13,7 @@ LONGEST_MESSAGE, LONGEST_WORD, LONGEST_QUOTE = 1500, 400, 100
 
 
 class JAXensteinError(ValueError):
-    """Base of all errors of this package; messages have at most `LONGEST_MESSAGE` characters."""
+    """Base of the errors of this package; messages have at most `LONGEST_MESSAGE` characters."""
 
     def __init__(self, message: str = "", *more: Any) -> None:
         """Store the message; a long one loses its middle."""
@@ -54,7 +54,7 @@ class MapError(JAXensteinError):
 
 
 class SettingError(JAXensteinError):
-    """A setting of an environment that is unknown or has a value it cannot have."""
+    """A setting, argument or file that is unknown, unreadable or invalid."""
 
 
 class UnknownEnvironmentError(JAXensteinError):

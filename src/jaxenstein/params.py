@@ -123,6 +123,9 @@ def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
         seed: a whole number from 0 to 2**32 - 1, or a random key.
         count: None to draw one number per range, or N to draw float32[N] for N environments.
 
+    Raises:
+        SettingError: the seed is a whole number outside its range.
+
     Examples:
         >>> params = Params().replace(discount=0.9)
         >>> drawn(params, 0) is params

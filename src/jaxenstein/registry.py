@@ -95,7 +95,7 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
             module and use an id that it registers or a subclass of `Environment` that it defines.
         **settings: static settings. All first-person environments take `height`, `width`,
             `field_of_view`, `observation`, `autoreset`, `final_observation`, `frame_skip`,
-            `sprite_layers`, `look`, `look_range` and `look_seeds`; see
+            `sprite_layers`, `look`, `look_range`, `look_seeds` and `textures`; see
             `jaxenstein.tasks.first_person.FirstPerson` and `jaxenstein.Environment`. A task may
             have more, such as `hud` of health-gathering. Tasks that draw a level at each reset
             take `levels`, `split` and `test_fraction`.
@@ -109,7 +109,7 @@ def make(id: str, **settings: Any) -> tuple[AnyEnvironment, Any]:
             split has no levels.
 
     Warns:
-        LevelWarning: `levels` covers a tenth of all levels or more.
+        LevelWarning: without a split, `levels` covers a tenth of all levels or more.
 
     Examples:
         >>> env, params = make("my-way-home", width=84, height=84)

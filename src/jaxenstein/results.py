@@ -89,7 +89,7 @@ class Results:
             check_text("a name in made_with", name)
             check_text(f"'made_with.{name}'", value)
         if len(set(self.names)) != len(self.names):
-            raise SettingError(f"two runs have the same name: {', '.join(self.names)}")
+            raise SettingError(f"names of runs must differ, not {', '.join(self.names)}")
         arrays = {
             name: _array(name, getattr(self, name), dtype) for name, _, dtype in PARTS.values()
         }

@@ -96,22 +96,37 @@ def interquartile_mean(scores: Scores) -> float:
 
     Leaves out the lowest and the highest floor(n / 4) scores, as `scipy.stats.trim_mean` does with
     0.25. Outliers affect it less than the mean, and it has less variance than the median.
+
+    Raises:
+        SettingError: as in `aggregates`.
     """
     return _of(scores, _interquartile_mean)
 
 
 def mean(scores: Scores) -> float:
-    """The mean over tasks of the mean over runs."""
+    """The mean over tasks of the mean over runs.
+
+    Raises:
+        SettingError: as in `aggregates`.
+    """
     return _of(scores, _mean)
 
 
 def median(scores: Scores) -> float:
-    """The median over tasks of the mean over runs."""
+    """The median over tasks of the mean over runs.
+
+    Raises:
+        SettingError: as in `aggregates`.
+    """
     return _of(scores, _median)
 
 
 def optimality_gap(scores: Scores) -> float:
-    """How far the runs fall short of a score of 1: 1 - mean of min(score, 1); lower is better."""
+    """How far the runs fall short of a score of 1: 1 - mean of min(score, 1); lower is better.
+
+    Raises:
+        SettingError: as in `aggregates`.
+    """
     return _of(scores, _optimality_gap)
 
 

@@ -34,7 +34,7 @@ def environment_options() -> dict[str, Option]:
             "a file with a map, or samples/NAME, instead of an id; 'jaxenstein list --symbols' "
             "explains the symbols, 'jaxenstein list --samples' prints the sample maps",
         ),
-        ("heading", HEADING, "first heading on that map, 0 east, 90 south; default any"),
+        ("heading", HEADING, "heading at the start: 0 east, 90 south; default any"),
         (
             "horizon",
             Domain("whole", 1),
@@ -111,7 +111,7 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
         JAXensteinError: the environment cannot be built, or the options name none.
     """
     if ("env" in given) == ("map" in given):
-        raise SettingError("give either env or a map, not both")
+        raise SettingError("give exactly one of env and map")
     if "heading" in given and "map" not in given:
         raise SettingError("heading needs a map (--map-file); an env has its own headings")
     for name in MAP_TEXTS:

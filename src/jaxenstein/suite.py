@@ -312,7 +312,7 @@ def abilities(mine: Mapping[str, Results], *, seed: int = 0) -> dict[str, Estima
         seed: the seed of the bootstrap, as in `jaxenstein.scores.aggregates`.
 
     Returns:
-        By ability, in the order of `TASKS`; without abilities of which a task is missing.
+        By ability, in the order of `TASKS`, except abilities with a missing task.
     """
     from .scores import aggregates
 

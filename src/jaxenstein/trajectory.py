@@ -60,7 +60,7 @@ class Checks:
                 found.append(f"{what} differ from {self._steps(differing)} on")
         for what in ("terminated", "truncated"):
             if getattr(self, what) != getattr(others, what):
-                found.append(f"{what} was {getattr(self, what)} there, is {getattr(others, what)}")
+                found.append(f"{what}: {getattr(self, what)} there, {getattr(others, what)} here")
         return tuple(found)
 
     def _steps(self, index: int) -> str:
@@ -69,7 +69,7 @@ class Checks:
         last = min(first + self.every, len(self.rewards) + 1) - 1
         if first == last:
             return "the reset" if first == 0 else f"step {first}"
-        return f"some step of {first} to {last}"
+        return f"one of steps {first} to {last}"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -111,7 +111,7 @@ def test_parts_without_a_chosen_subject_have_no_file(small, tmp_path):
     ("words", "told"),
     [
         (["thirst"], "unknown part: thirst"),
-        (["first", "--core", "9999"], "no core 9999"),
+        (["first", "--core", "9999"], "not 9999"),
         (["first", "--only", "steady", "swift"], "starts with 'swift'; there are 'steady-5'"),
         (["first", "--seconds", "0"], "must be a finite number above 0, not 0"),
     ],

@@ -67,7 +67,7 @@ def with_row(rows: tuple[np.ndarray, ...], row: int, by: float) -> tuple[np.ndar
 
 def test_changed_event_is_reported_with_its_steps(found: golden.Trace) -> None:
     problem = changed(found, whole=lambda rows: with_row(rows, 19, 1))
-    assert problem.endswith("differ from some step of 16 to 23 on")
+    assert problem.endswith("differ from one of steps 16 to 23 on")
     text = golden.message(EXAMPLE_ID, problem)
     assert "behaviour of key-door changed" in text
     assert "raise its version in the catalogue and add a line to CHANGELOG.md" in text

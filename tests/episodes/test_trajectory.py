@@ -189,7 +189,7 @@ def test_report_names_differences_with_their_steps(walk: Trajectory) -> None:
     assert replay(other).differences == (
         f"rewards differ from step 4 on: 5.0 there, {checks.rewards[3]!r} here",
         "observations differ from the reset on",
-        "terminated was False there, is True",
+        "terminated: False there, True here",
     )
 
 
@@ -202,7 +202,7 @@ def test_report_names_a_range_for_long_episodes(world: World) -> None:
         states = list(checks.states)
         states[index] = "0" * 16
         played = replay(with_checks(trajectory, states=tuple(states)))
-        assert played.differences == (f"states differ from some step of {words} on",)
+        assert played.differences == (f"states differ from one of steps {words} on",)
 
 
 def test_report_names_changed_behaviour_and_versions(walk: Trajectory) -> None:

@@ -174,7 +174,7 @@ class Config:
         zero_values: start with values near zero (gain 0.01, as in OpenAI's RND), so that initial
             values do not affect learning before the first reward.
         contrast: feed the policy contrast * (x - 0.3) for pixels x from 0 to 1, whose mean is about
-            0.3 and deviation about 0.1; labels are unchanged; 0: feed x.
+            0.3 and standard deviation about 0.1; labels are unchanged; 0: feed x.
         persistence: initial value of learned numbers, one per action, added to the logit of the
             previous action; with 5 actions, 2 makes a new policy repeat 65 % of its actions.
         recurrent: keep memory and previous action; if false, clear both at every step.
@@ -184,9 +184,9 @@ class Config:
             faster on a CPU or with many parallel runs; `"lax"`: with XLA's convolution; results are
             equal up to rounding.
         bonus_epochs: epochs per rollout that train the bonus.
-        normalise_rewards: learn from rewards divided by the running deviation of their discounted
-            sum in an episode, where it is above 1; reported returns are not divided.
-        normalise_bonus: divide the bonus by the running deviation of its discounted sum.
+        normalise_rewards: learn from rewards divided by the running standard deviation of their
+            discounted sum in an episode, where it is above 1; reported returns are not divided.
+        normalise_bonus: divide the bonus by the running standard deviation of its discounted sum.
         bonus_values: give ICM and E3B a separate value head for the bonus, as RND always has; if
             false, the bonus is added to the reward.
         stop_success: stop learning once the mean success over about the last hundred episodes
@@ -322,7 +322,7 @@ class HParams(PyTreeNode):
         entropy: coefficient of the policy's entropy in the loss.
         value: coefficient of the value loss.
         gradient_norm: clip gradients, also of the bonus, to this global norm.
-        advantage_floor: added to the deviation that normalises the advantages.
+        advantage_floor: added to the standard deviation that normalises the advantages.
         target_kl: skip the rest of an update once the approximate KL divergence of a minibatch from
             the rollout policy exceeds this; None: never.
         bonus_learning_rate: initial learning rate of the bonus.

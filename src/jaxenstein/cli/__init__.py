@@ -78,7 +78,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit code: 0 for success; 1 if something could not be written or run, or a replay
-        differs; 2 for wrong arguments; 3 if all runs of a training diverged; 130 after Ctrl-C;
+        differs; 2 for wrong arguments; 3 if all runs of a training diverged; 130 after Ctrl-C or
+        --minutes;
         141 if the reader closed the pipe.
     """
     try:

@@ -108,10 +108,10 @@ def size(text: str) -> tuple[int, int]:
     )
 
 
-# The placeholder in the help for a value of each form.
+# The placeholder of a value in the help, by the name of its option or by the form of the value.
 METAVARS = {
     "whole": "N", "number": "X", "choice": "NAME", "text": "TEXT", "layers": "KxSxF,...",
-    "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER",
+    "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER", "env": "ID", "map_file": "FILE",
 }  # fmt: skip
 # Options that are tables: their flag and the form of one entry. Then aliases of other flags.
 TABLES = {
@@ -182,8 +182,8 @@ def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
     elif option.domain.form == "switch":
         group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
     else:
-        read, metavar = reader(option.domain), METAVARS[option.domain.form]
-        group.add_argument(*flags, type=read, metavar=metavar, **common)
+        metavar = METAVARS.get(option.name, METAVARS[option.domain.form])
+        group.add_argument(*flags, type=reader(option.domain), metavar=metavar, **common)
 
 
 def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()) -> None:

@@ -138,4 +138,4 @@ def _check_core(core: int | None) -> None:
         raise UsageError("jaxenstein bench: --core: this system cannot pin a process to a core")
     allowed = sorted(os.sched_getaffinity(0))
     if core not in allowed:
-        raise UsageError(f"jaxenstein bench: --core: no core {core}; there are {allowed}")
+        raise UsageError(f"jaxenstein bench: --core must be one of {allowed}, not {core}")

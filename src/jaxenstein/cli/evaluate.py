@@ -64,9 +64,9 @@ play the same split; --set split=test plays the test levels. A diverged run play
 finite parameters, and a warning says so.
 
 --in vizdoom also plays the same number of episodes in ViZDoom, without further training. Both then
-have the game's rewards and rules, whatever the params of training were. --gif then shows one
-episode in both, from the same start. This needs the extra 'vizdoom' and agents trained in a doom-
-environment that is not a sparse variant.
+have the game's rewards and rules: of the params of training, only the time limit stays. --gif then
+shows one episode in both, from the same start. This needs the extra 'vizdoom' and agents trained in
+a doom- environment that is not a sparse variant.
 
 --policy MODULE:FUNCTION plays with your own policy, in --env ID or on --map-file FILE.
 {CONVENTION}
@@ -170,7 +170,7 @@ def _check_policy(options: argparse.Namespace) -> None:
         given += ["--gif"] * (options.gif is not None) + ["--in"] * (options.game is not None)
         given += ["--greedy"] * options.greedy + ["--run"] * (options.number is not None)
         if given:
-            raise UsageError(f"jaxenstein evaluate: --suite fixes {', '.join(given)}; leave it out")
+            raise UsageError(f"jaxenstein evaluate: --suite does not accept {', '.join(given)}")
 
 
 def _suite(options: argparse.Namespace) -> None:

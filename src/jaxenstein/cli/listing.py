@@ -132,7 +132,7 @@ def pretrained_agents() -> str:
         table.append((name, place, skip, algo, f"{steps:,}", earned, *rates))
         if params := plain["environment"]["params"]:
             told = (f"{p}={Range(*v) if isinstance(v, list) else v}" for p, v in params.items())
-            own.append(f"the return of {name} counts with {', '.join(told)}, as in its training")
+            own.append(f"the return of {name} is with {', '.join(told)}, as in training")
     notes = (
         "skip: world steps per decision",
         "return, success: with sampled actions; greedy: success rate with the most likely actions",

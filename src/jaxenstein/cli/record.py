@@ -277,6 +277,9 @@ def parse_actions(text: str, names: Sequence[str]) -> list[int]:
                 f"jaxenstein record: --actions: no action {quoted(word)}; known: {known}"
             )
         if star and not (times.isdecimal() and 0 < int(times) <= 100_000):
-            raise UsageError(f"jaxenstein record: --actions: wrong count in {quoted(part.strip())}")
+            raise UsageError(
+                f"jaxenstein record: --actions: the count in {quoted(part.strip())} must be "
+                "1 to 100000"
+            )
         actions += [action] * (int(times) if star else 1)
     return actions

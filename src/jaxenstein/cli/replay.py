@@ -9,7 +9,7 @@ from ..progress import Progress
 from .arguments import Parser
 from .record import add_pictures, check_pictures, save_pictures
 
-HELP = "replay a trajectory file, and check that it is the same"
+HELP = "replay a trajectory file and compare it bit for bit"
 DESCRIPTION = """\
 Play the episode of a trajectory file again, and compare every reward, state and observation with
 the recorded one. The exit code is 0 if all are the same, bit for bit. Otherwise it is 1, and the

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 HELP = "run many environments with a random policy"
 DESCRIPTION = """\
 Run many environments in parallel with a uniform random policy, and report the speed, the mean
-return and the success rate. An episode counts if it begins so early that it must end within
---steps: otherwise short episodes would count more than long ones. --out also writes two pictures:
+return and the success rate. Only episodes that must end within --steps count; otherwise
+short episodes would count more than long ones. --out also writes two pictures:
 DIR/ID.gif shows the views of up to 16 environments over time, and DIR/ID.png is a contact sheet
 with a row for each environment.
 """
@@ -216,9 +216,7 @@ def _report(total: int, tally: Tally, most: int) -> None:
     print(f"speed         {si(total / tally.seconds)} steps/s ({times})")
     print(f"episodes      {tally.ended} ended, {tally.episodes} counted")
     if not tally.episodes:
-        print(
-            f"success       unknown: an episode has up to {most} steps, give --steps {most} or more"
-        )
+        print(f"success       unknown: give --steps {most} or more, the longest episode")
     else:
         print(f"mean return   {tally.returns / tally.episodes:.4g}")
         more = f", {tally.goals / tally.episodes:.3g} goals per episode"

@@ -36,7 +36,7 @@ median and optimality gap over all tasks (Agarwal et al. 2021). Their 95 % inter
 resampling the runs of every task.
 
 --suite scores results of 'jaxenstein evaluate --suite', with the references of the benchmark, and
-says so if tasks, training seeds or test episodes are missing. It also shows the IQM of the tasks of
+warns if tasks, training seeds or test episodes are missing. It also shows the IQM of the tasks of
 each ability. --baselines adds the results of our agents on the same tasks, which come with the
 package; without RESULTS it shows them alone.
 """

@@ -46,7 +46,7 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
     if fixed:
         flags = ", ".join(map(flag_of, sorted(fixed)))
         raise UsageError(
-            f"jaxenstein train: --suite fixes {flags}; leave it out"
+            f"jaxenstein train: --suite does not accept {flags}"
             + ("; --budget X multiplies the decisions" * ("total_steps" in fixed))
         )
     resolve = baselines("options").resolve

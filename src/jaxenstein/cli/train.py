@@ -107,8 +107,8 @@ def fill(parser: Parser) -> None:
 
 
 def add_training(parser: Parser) -> None:
-    """Add the flags of the execution, of which only --cores changes the result, by rounding."""
-    how = parser.add_argument_group("execution (no effect on the result, but for --cores)")
+    """Add the flags of the execution."""
+    how = parser.add_argument_group("execution (only --cores and --minutes affect the result)")
     flag(how, "--chunk K", "updates per call of the compiled program", whole(), 1)
     flag(how, "--save-every SECONDS", "seconds between checkpoints", real(0, 1e9), 60.0)
     cores = "use N CPU cores, each with its own seeds; another N rounds differently"

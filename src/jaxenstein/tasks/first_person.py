@@ -66,9 +66,9 @@ class FirstPerson(Environment[S, P]):
         sprite_layers: how many sprites an image column can show, one behind another.
         look: the look of walls, floor and ceiling: `"plain"`, in one colour each; `"patterned"`,
             with patterns such as bricks and boards; `"random"`, with colours and patterns drawn at
-            each reset. Doors, things, depth and labels do not depend on these. Scenarios of
-            Doom have no patterned look, their own random look, and `"game"`: the game's own
-            pictures of everything, and a bobbing eye.
+            each reset. Doors, things, depth and labels do not depend on these. Doom's scenarios
+            lack `"patterned"`, have their own `"random"`, and add `"game"`: the game's own pictures
+            of everything, and a bobbing eye.
         look_range: strength of random looks: from 0, as patterned, to 1, any colours.
         look_seeds: seeds of random looks: None for all seeds, or (first, stop).
         textures: None, or images of walls, floor, ceiling and things: a folder with files such as

@@ -199,7 +199,7 @@ def test_alias_gives_the_same_experiment() -> None:
         ({"grid": {"clip": []}}, "grid.clip must be a list of different numbers"),
         ({"grid": {"clip": [0.1, 0.1]}}, "grid.clip must be a list of different numbers"),
         ({"grid": {"clip": [0.1, -1]}}, "clip must be a finite number above 0"),
-        ({"env": "simple", "map": "S"}, "give either env or a map, not both"),
+        ({"env": "simple", "map": "S"}, "give exactly one of env and map"),
         ({"heading": 0.0}, "heading needs a map"),
         ({"total_steps": 10}, "total_steps must be at least"),
     ],

@@ -102,7 +102,7 @@ def test_pretrained_agents_are_found_by_name(
     assert main(["list", "--pretrained"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split()[:6] == ["tiny", "a", "map", "1", "ppo", "0"]
-    counted = "the return of tiny counts with max_steps_in_episode=10, as in its training"
+    counted = "the return of tiny is with max_steps_in_episode=10, as in training"
     assert counted in lines
     # A run directory of that path is meant where there is one.
     (tmp_path / "pretrained").mkdir()
