@@ -15,8 +15,8 @@ from .spec import Spec
 from .tasks.first_person import SEEN, SETTINGS, FirstPerson
 from .tasks.steering import HEADING
 
-# Texts that belong to a map and are stored in files beside it.
-MAP_TEXTS = ("regions", "faces")
+# Texts that belong to a map: its name, and what is stored in files beside it.
+MAP_TEXTS = ("name", "regions", "faces")
 # The options that name an environment.
 PLACES = ("env", "map", "map_file", "heading", *MAP_TEXTS)
 
@@ -123,8 +123,8 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
     if "horizon" in given:
         params["max_steps_in_episode"] = given["horizon"]
     if "map" in given:
-        settings |= {name: given[name] for name in (*MAP_TEXTS, "heading") if name in given}
-        settings["text"] = given["map"]
+        own = {name: given[name] for name in (*MAP_TEXTS, "heading") if name in given}
+        settings = own | settings | {"text": given["map"]}
     spec = Spec(given.get("env"), 0, settings, {})
     env, defaults = spec.build(warn=True)
     check_levels(env)

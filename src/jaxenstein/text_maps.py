@@ -74,9 +74,8 @@ def from_file(path: str | Path, **settings: Any) -> tuple[Navigation, Navigation
 
     if not isinstance(path, str | Path):
         raise MapError(f"a file name must be a str or a Path, not {type(path).__name__}")
-    path = Path(path)
-    texts = read_map(path)
-    return _from_texts(texts.pop("text"), {"name": path.stem, **texts, **settings})
+    texts = read_map(Path(path))
+    return _from_texts(texts.pop("text"), {**texts, **settings})
 
 
 def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, NavigationParams]:

@@ -47,7 +47,7 @@ def test_writes_the_map_and_its_faces(lab: Path, capsys: pytest.CaptureFixture[s
         assert printed.startswith("lab: 3 x 2 cells")
         assert f"wrote {out} and {lab.parent / 'maze.faces.txt'}" in printed
         texts = read_map(out)
-        assert sorted(texts) == ["faces", "text"]
+        assert sorted(texts) == ["faces", "name", "text"]
         assert parse_ascii(texts["text"], faces=texts["faces"]) == TILEMAP
     assert sorted(p.name for p in lab.parent.iterdir()) == ["lab.map", "maze.faces.txt", "maze.txt"]
     assert b"\r" not in out.read_bytes()
@@ -57,7 +57,7 @@ def test_without_faces_there_is_one_file(tmp_path: Path) -> None:
     lab, out = tmp_path / "lab.map", tmp_path / "maze"
     lab.write_text(PLAIN)
     assert main(["convert", str(lab), "--out", str(out)]) == 0
-    assert read_map(out) == {"text": PICTURE}
+    assert read_map(out) == {"name": "maze", "text": PICTURE}
 
 
 def test_map_without_goal_is_refused(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -162,7 +162,7 @@ def test_minigrid(
     out = tmp_path / "small.txt"
     assert main(["convert", "--minigrid", "Small", "--seed", "3", "--out", str(out)]) == 0
     assert asked == [("Small", 3)]
-    assert read_map(out) == {"text": "####\n#SG#\n####\n"}
+    assert read_map(out) == {"name": "small", "text": "####\n#SG#\n####\n"}
     printed = capsys.readouterr().out
     assert "MiniGrid-Small-v0: 4 x 3 tiles; 1 start, 1 goal\n" in printed
     assert "first heading: 270 degrees" in printed
@@ -183,7 +183,8 @@ def test_unusable_minigrid_is_refused(
 def test_regions_file_beside_a_map_is_read(tmp_path: Path) -> None:
     path = tmp_path / "maze.txt"
     path.write_text("###\n#S#\n###")
-    assert read_map(path) == {"text": "###\n#S#\n###"}
+    own = {"name": "maze", "text": "###\n#S#\n###"}
+    assert read_map(path) == own
     (tmp_path / "maze.regions.txt").write_text("regions")
     (tmp_path / "other.faces.txt").write_text("faces")
-    assert read_map(path) == {"text": "###\n#S#\n###", "regions": "regions"}
+    assert read_map(path) == own | {"regions": "regions"}

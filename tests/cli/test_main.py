@@ -160,6 +160,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["play", "simple", "--save", "a.txt"], "should end in .json"),
         (["play", "simple", "--native", "--width", "32"], "either --native or --height and --wid"),
         (["play", "simple", "--fps", "0"], "must be a finite number from 1 to 60"),
+        (["list", "--json"], "jaxenstein: unrecognized arguments: --json (see"),
         ([*TRAIN, "--leraning-rate=1"], "argument: --leraning-rate=1, did you mean '--learning-r"),
         ([*TRAIN, "--algo=rdn"], "must be one of 'ppo', 'rnd', 'icm', 'e3b', not 'rdn', did you"),
         ([*TRAIN, "--num-envs=many"], "argument --num-envs: must be a whole number >= 1, not"),

@@ -94,6 +94,20 @@ def test_memory_resets_with_each_episode(module: str) -> None:
         assert session.actions == [forward, forward, left, forward, forward, left, forward]
 
 
+def test_map_files_are_tasks_of_their_own_names(
+    module: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("hall.txt").write_text("#########\n#S.....G#\n#########\n")
+    play = ["evaluate", "--policy", f"{module}:forward", *WORLD, "--episodes", "1"]
+    assert main([*play, "--json", "map.json"]) == 0
+    assert main([*play, "--map-file", "hall.txt", "--json", "hall.json"]) == 0
+    assert main([*play, "--set", "name=own", "--json", "own.json"]) == 0
+    capsys.readouterr()
+    assert main(["score", "map.json", "hall.json", "own.json"]) == 0
+    rows = capsys.readouterr().out.splitlines()[1:4]
+    assert [row.split()[0] for row in rows] == ["hall", "map", "own"]
+
+
 def test_record_and_play_accept_own_policy(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     where = ["--map-file", "map.txt", "--heading", "0", "--height", "8", "--width", "12"]
     given = ["record", *where, "--policy", f"{module}:every_third"]

@@ -84,6 +84,7 @@ def test_flags_and_files_give_the_same_experiment(flags: list[str], tmp_path: Pa
     file.write_text("\n".join([*lines, 'map_file = "map.txt"']))
     given = parse(*flags)
     assert given == parse("--config", str(file))
+    assert given.pop("name") == "map"
     assert resolve(given).differences(tiny()) == []
     assert parse("--config", str(file), "--seeds", "3")["seeds"] == 3
 

@@ -37,7 +37,8 @@ class Parser(argparse.ArgumentParser):
         """Parse; the error for an unknown flag suggests the nearest one."""
         self._filled()
         known, unknown = super().parse_known_args(args, namespace)
-        for word in unknown:
+        # The parser of a command has seen these arguments before the parser of all commands.
+        for word in unknown if self._subparsers is None else ():
             close = nearest(word.partition("=")[0], self._option_string_actions)
             if word.startswith("--") and close:
                 self.error(f"unrecognized argument: {word}{close}")

@@ -24,9 +24,9 @@ SAMPLES = {
 def read_map(given: Path, folder: Path = Path()) -> dict[str, str]:
     """Read the settings of `from_ascii` from a map file.
 
-    Returns `text`, and `regions` or `faces` if there is such a file: beside `maze.txt`, the file
-    `maze.regions.txt` or `maze.faces.txt`. `samples/NAME` is a map of `sample_map`, unless a file
-    of that name exists.
+    Returns `name`, `text`, and `regions` or `faces` if there is such a file: beside `maze.txt`,
+    the file `maze.regions.txt` or `maze.faces.txt`. `samples/NAME` is a map of `sample_map`,
+    unless a file of that name exists.
 
     Args:
         given: the path of the map.
@@ -38,12 +38,12 @@ def read_map(given: Path, folder: Path = Path()) -> dict[str, str]:
     path = folder / given
     sample = given.parent == Path("samples") and not given.suffix
     if sample and not os.path.exists(path):
-        return {"text": sample_map(given.name)}
-    texts = {"text": read_text(path, "map")}
+        return {"name": given.name, "text": sample_map(given.name)}
+    texts = {"name": path.stem, "text": read_text(path, "map")}
     for kind in ("regions", "faces"):
         if os.path.isfile(beside(path, kind)):
             texts[kind] = read_text(beside(path, kind), f"{kind} text")
-    if len(texts) > 2:
+    if {"regions", "faces"} <= {*texts}:
         both = " and ".join(str(beside(path, kind)) for kind in ("regions", "faces"))
         raise MapError(f"{both} exist; both say how the walls of {path} look: remove one")
     return texts

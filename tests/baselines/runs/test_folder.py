@@ -341,16 +341,20 @@ def test_training_that_never_began_leaves_folder_unchanged(
 ) -> None:
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "notes.txt").write_text("mine")
-    folder = RunFolder.create(tmp_path / "run", experiment)
 
     def full(*_: Any) -> None:
         raise OutputError("x", "no space left on device")
 
-    with monkeypatch.context() as patch:
-        patch.setattr(Checkpoints, "save", full)
-        with pytest.raises(OutputError):
-            train(folder)
-    assert [path.name for path in folder.path.iterdir()] == ["notes.txt"]
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    for save, error in (full, OutputError), (interrupted, KeyboardInterrupt):
+        folder = RunFolder.create(tmp_path / "run", experiment)
+        with monkeypatch.context() as patch:
+            patch.setattr(Checkpoints, "save", save)
+            with pytest.raises(error):
+                train(folder)
+        assert [path.name for path in folder.path.iterdir()] == ["notes.txt"]
     # An existing run is never removed.
     RunFolder.create(tmp_path / "run", experiment)
     with monkeypatch.context() as patch:
@@ -363,6 +367,9 @@ def test_training_that_never_began_leaves_folder_unchanged(
 def test_metrics_from_another_run_are_refused(experiment: Experiment, tmp_path: Path) -> None:
     rows = [{"update": n, "steps": 8 * n, "episodes": 0, "a": None} for n in (1, 2, 5)]
     lines = [json.dumps(row) + "\n" for row in rows]
+    with pytest.raises(OutputError, match=r"metrics.jsonl: no such file"):
+        MetricsFile(tmp_path, rows=1)
+    assert list(tmp_path.iterdir()) == []
     file = MetricsFile(tmp_path)
     file.write(rows[:2])
     assert (tmp_path / METRICS).read_text() == "".join(lines[:2])

@@ -283,6 +283,20 @@ def test_yaml_config_needs_pyyaml(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         read_file(file)
 
 
+def test_yaml_numbers_and_repeated_names(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    file = tmp_path / "run.yaml"
+    # YAML 1.1 reads numbers without a point, or with an exponent without a sign, as text.
+    file.write_text("learning_rate: 3e-4\ntotal_steps: 1.5e6\nparams: {discount: 1e-1}\n")
+    assert read_file(file) == {
+        "learning_rate": 3e-4, "total_steps": 1_500_000, "params": {"discount": 0.1}
+    }  # fmt: skip
+    for text in ("seeds: 2\nalgo: rnd\nseeds: 3\n", "params: {seeds: 1, seeds: 2}"):
+        file.write_text(text)
+        with pytest.raises(SettingError, match=r"run.yaml is not YAML: 'seeds' is given twice"):
+            read_file(file)
+
+
 def test_dots_in_strings_and_comments_are_no_keys(tmp_path: Path) -> None:
     dots = ".".join("S" * 40)
     for quote in ('"', "'", '"""', "'''"):

@@ -240,7 +240,7 @@ class RunFolder:
             self._held = True
             try:
                 yield
-            except Exception:
+            except BaseException:
                 if self._made and not self.checkpoints.updates():
                     self._discard()
                 raise

@@ -96,10 +96,10 @@ class MetricsFile:
 
         Raises:
             SettingError: the file has fewer rows.
-            OutputError: the file cannot be written.
+            OutputError: the file cannot be written, or has rows and does not exist.
         """
         self._path = folder / METRICS
-        with writing(self._path), self._path.open("a+b") as file:
+        with writing(self._path), self._path.open("r+b" if rows else "a+b") as file:
             file.seek(0)
             for row in range(rows):
                 if not file.readline().endswith(b"\n"):

@@ -181,9 +181,27 @@ def _yaml(path: Path, text: str) -> Any:
             # The time to parse grows with the square of the depth.
             if depth > DEEPEST:
                 raise yaml.YAMLError(f"lists and tables are nested more than {DEEPEST} deep")
-        return yaml.safe_load(text) or {}
+        return yaml.load(text, _yaml_loader()) or {}
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not YAML: {one_line(str(error))}") from error
+
+
+def _yaml_loader() -> Any:
+    """PyYAML's safe loader, which also reads numbers such as 3e-4, and refuses repeated names."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            table = super().construct_mapping(node, deep)
+            names = [key.value for key, _ in node.value]
+            if len(table) < len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise yaml.YAMLError(f"{quoted(twice)} is given twice")
+            return table
+
+    number = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+0123456789"))
+    return Loader
 
 
 def defaults_of(given: Mapping[str, Any]) -> dict[str, Any]:
