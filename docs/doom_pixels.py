@@ -210,15 +210,10 @@ def reward_scale(spec: Spec) -> float | None:
     return factors.pop() if len(factors) == 1 else None
 
 
-def _in(trained: Trained, spec: Spec) -> Trained:
-    return dataclasses.replace(
-        trained, experiment=dataclasses.replace(trained.experiment, environment=spec)
-    )
-
-
 def _looking(trained: Trained, **settings: str) -> Trained:
     spec = changed(trained.experiment.environment, {"settings": settings})
-    return _in(trained, spec)
+    experiment = dataclasses.replace(trained.experiment, environment=spec)
+    return dataclasses.replace(trained, experiment=experiment)
 
 
 def _tested(parts: Sequence[tuple[str, Trained, bool]], episodes: int) -> Row:

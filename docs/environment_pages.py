@@ -85,11 +85,6 @@ Maps are columns x rows in tiles; {GENERATED} marks maps that every reset genera
 """
 
 
-def page_of(name: str) -> str:
-    """The page of an environment."""
-    return ENTRIES[name].family
-
-
 def page(family: Family) -> str:
     """The page of a family: common parts, and a section for each id."""
     env, params = built(family.ids[0])
@@ -300,7 +295,7 @@ def moving(name: str, told: str = "", scale: int = 1) -> str:
 
 def _card(name: str) -> str:
     return (
-        f'<a class="card" href="{page_of(name)}.html#{name}">{moving(name)}'
+        f'<a class="card" href="{ENTRIES[name].family}.html#{name}">{moving(name)}'
         f'<span class="name">{name}</span><span>{ENTRIES[name].summary}</span></a>'
     )
 

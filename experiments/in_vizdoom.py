@@ -149,37 +149,27 @@ def train(
     """
     env, params = experiment.environment.build()
     with contextlib.closing(Games(env, params, experiment.config.num_envs, scale)) as games:
-        yield from _train(games, params, experiment, minutes, clock, scale)
-
-
-def _train(
-    games: Games,
-    params: Any,
-    experiment: Experiment,
-    minutes: float,
-    clock: Callable[[], float],
-    scale: float,
-) -> Iterator[dict[str, float]]:
-    learner = Learner(games, params, experiment.config)
-    state = learner.init(experiment.keys()[0], experiment.numbers())
-    updates, begin, seconds = 0, 0.0, 0.0
-    while seconds < 60 * minutes:
-        state, metrics = learner.train_chunk(state, experiment.numbers(), 1)
-        row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
-        row["return_sum"] /= scale
-        updates += 1
-        steps = updates * experiment.config.steps_per_update
-        # Time counts from the end of the first update, which includes compilation.
-        begin = begin or clock()
-        seconds = clock() - begin
-        print(
-            f"{seconds:6.0f} s  {steps} decisions  {row['successes']:.0f} of {row['episodes']:.0f} "
-            f"episodes with success, return {row['return_sum'] / max(row['episodes'], 1):.3g}",
-            file=sys.stderr,
-        )
-        yield {
-            "seed": experiment.seeds[0], "steps": steps, "seconds": round(seconds, 1), **row
-        }  # fmt: skip
+        learner = Learner(games, params, experiment.config)
+        state = learner.init(experiment.keys()[0], experiment.numbers())
+        updates, begin, seconds = 0, 0.0, 0.0
+        while seconds < 60 * minutes:
+            state, metrics = learner.train_chunk(state, experiment.numbers(), 1)
+            row = {name: float(values[0]) for name, values in jax.device_get(metrics).items()}
+            row["return_sum"] /= scale
+            updates += 1
+            steps = updates * experiment.config.steps_per_update
+            # Time counts from the end of the first update, which includes compilation.
+            begin = begin or clock()
+            seconds = clock() - begin
+            mean = row["return_sum"] / max(row["episodes"], 1)
+            print(
+                f"{seconds:6.0f} s  {steps} decisions  {row['successes']:.0f} of "
+                f"{row['episodes']:.0f} episodes with success, return {mean:.3g}",
+                file=sys.stderr,
+            )
+            yield {
+                "seed": experiment.seeds[0], "steps": steps, "seconds": round(seconds, 1), **row
+            }  # fmt: skip
 
 
 def train_here(folder: RunFolder) -> Iterator[dict[str, float]]:

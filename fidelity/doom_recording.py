@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
+from jaxenstein.adapters.vizdoom_state import turns_of
 from jaxenstein.tasks.doom.fixed import to_fixed
 
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")
@@ -128,9 +129,7 @@ def _variables(game: Any) -> list[int]:
     x, y, angle, dx, dy, health = (
         float(game.get_game_variable(getattr(vizdoom.GameVariable, name))) for name in VARIABLES
     )
-    # The game divides by the largest angle, 2**32 - 1.
-    turns = round(angle / 360 * (2**32 - 1)) % 2**32
-    return [to_fixed(x), to_fixed(y), turns, to_fixed(dx), to_fixed(dy), round(health)]
+    return [to_fixed(x), to_fixed(y), turns_of(angle), to_fixed(dx), to_fixed(dy), round(health)]
 
 
 def _watch(game: Any, kinds: Sequence[str], found: dict[int, list[int]], time: int) -> None:

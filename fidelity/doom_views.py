@@ -19,6 +19,7 @@ import numpy as np
 
 from fidelity.doom_recording import LONGEST_HOLD, pick
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
+from jaxenstein.adapters.vizdoom_state import turns_of
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
 from jaxenstein.tasks.doom.game_weapon import WEAPON_LOOKS
 from jaxenstein.tasks.doom.maps import load_map, rasterise
@@ -217,9 +218,8 @@ def open_places(scenario: str) -> list[tuple[float, float]]:
 def look(scenario: str, state: Any) -> View:
     """The view of a state of the game, with the first picture of each thing."""
     x, y, z, angle, floor, slot, *speed = (float(value) for value in state.game_variables)
-    # The game divides by the largest angle, 2**32 - 1. Heights are those above the player's floor.
-    turned = round(angle / 360 * (2**32 - 1)) % 2**32
-    pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z) - to_fixed(floor), turned)
+    # Heights are those above the player's floor.
+    pose = Pose(to_fixed(x), to_fixed(y), to_fixed(z) - to_fixed(floor), turns_of(angle))
     things = []
     for o in state.objects:
         sprite = SPRITES.get(o.name.removeprefix("Dead"))

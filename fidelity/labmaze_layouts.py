@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -31,7 +31,6 @@ PLANS = {
 SIGNIFICANCE = 0.05
 Maze = tuple[np.ndarray, np.ndarray]
 """bool[N, N], open cells; int[N, N], the room number of each cell, or 0."""
-Draw = Callable[[MazePlan, int, int], list[Maze]]
 
 
 def labmaze_mazes(plan: MazePlan, count: int, seed: int) -> list[Maze]:

@@ -90,7 +90,9 @@ class Report:
 
 def players(env: Any, params: Any) -> list[Callable[[jax.Array, Any], jax.Array]]:
     """Functions that choose an action from key and state."""
-    forward, right = map(env.action_names.index, ("forward", "turn right"))
+    names = env.action_names
+    # Doom's scenarios in which the player stays in place lack some of these actions.
+    forward, right = (names.index(a) if a in names else 0 for a in ("forward", "turn right"))
 
     def extreme(key: jax.Array, state: Any) -> jax.Array:
         del state

@@ -50,7 +50,6 @@ def random_loop(
     calls: int,
     steps: int,
     *shape: int,
-    convert: Callable[[Any], Any] = lambda action: action,
 ) -> Chunk:
     """A random policy that adds a pixel of every frame to the next action, so that frames are read.
 
@@ -60,9 +59,8 @@ def random_loop(
         calls: calls of `step` per chunk.
         steps: steps of the world per call.
         shape: shape of the actions; none for one integer.
-        convert: converts NumPy actions and pixels to the type that `step` uses.
     """
-    actions, pixel = map(convert, random_actions(count, *shape)), 0
+    actions, pixel = random_actions(count, *shape), 0
 
     def chunk() -> int:
         nonlocal pixel

@@ -21,7 +21,6 @@ from jaxenstein.cli import build_parser, listing, main, rollout
 from jaxenstein.cli.opening import handling
 from jaxenstein.trajectory import FORMAT, FORMAT_VERSION
 
-MAP = "#####\n#S.G#\n#####\n"
 TRAIN = ["train", "--out", "run"]
 
 

@@ -63,9 +63,15 @@ def test_parallel_games_equal_episodes_in_seed_order(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(
         doom_players, "_chooser", lambda *_: lambda key, told: [int(t) for t in told]
     )
+    watched: list[tuple[int, int]] = []
+
+    def watch(number: int, session: Any) -> None:
+        watched.append((number, len(session.actions)))
+
     none: Any = SimpleNamespace()
-    games = doom_players.play_games(none, None, "idle", episodes=5, games=3)
+    games = doom_players.play_games(none, None, "idle", episodes=5, games=3, watch=watch)
     assert games.lengths.tolist() == [1, 2, 3, 4, 5]
     assert games.returns.tolist() == [0, 2, 6, 12, 20]
     assert games.successes.tolist() == [False, True, False, True, False]
+    assert sorted(watched) == [(n, step) for n in range(5) for step in range(n + 1)]
     assert Counting.begun == 0

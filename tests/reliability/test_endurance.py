@@ -20,7 +20,8 @@ def _clear_caches() -> Any:
 
 
 SLOW = [
-    pytest.param(name, marks=pytest.mark.slow) for name in ("health-gathering", "key-corridor-s3r1")
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in ("health-gathering", "key-corridor-s3r1", "doom-basic")
 ]
 
 

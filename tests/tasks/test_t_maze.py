@@ -12,8 +12,8 @@ import jaxenstein
 from jaxenstein.errors import SettingError
 
 FORWARD = 2
-# The goals of the map, and the cell of the cue.
-ENDS, CUE = ((1.5, 1.5), (9.5, 1.5)), (5.5, 4.5)
+# The goals of the map.
+ENDS = ((1.5, 1.5), (9.5, 1.5))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -228,15 +228,12 @@ def resolve(
     static = set(find(env)[1].settings)
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
     numbers = {key: value for key, value in settings.items() if key not in static}
-    _check_names(numbers, made.name, [field.name for field in dataclasses.fields(default)], static)
+    params_of = [field.name for field in dataclasses.fields(default)]
+    for name in numbers:
+        if name not in params_of:
+            close = nearest(name, [*static, *params_of])
+            raise SettingError(f"{made.name} has no setting or param {quoted(name)}{close}")
     return made, drawing.check_params(made, params).replace(**numbers)
-
-
-def _check_names(names: Iterable[str], owner: str, params: list[str], settings: set[str]) -> None:
-    for name in names:
-        if name not in params:
-            close = nearest(name, [*settings, *params])
-            raise SettingError(f"{owner} has no setting or param {quoted(name)}{close}")
 
 
 def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:

@@ -227,13 +227,7 @@ def _taken(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndar
 
 def _spread(values: dict[str, Any], mask: np.ndarray) -> dict[str, Any]:
     """The entries of an info with their masks; {} if no environment has them."""
-    if not mask.any():
-        return {}
-    return {key: part for name in values for key, part in _pair(name, values[name], mask)}
-
-
-def _pair(name: str, value: Any, mask: np.ndarray) -> tuple[tuple[str, Any], tuple[str, Any]]:
-    return (name, value), (f"_{name}", mask.copy())
+    return values | {f"_{name}": mask.copy() for name in values} if mask.any() else {}
 
 
 def _final(ended: Ended[np.ndarray], mask: np.ndarray, interface: Interface) -> dict[str, Any]:

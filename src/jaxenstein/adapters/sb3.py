@@ -262,15 +262,11 @@ class SB3VecEnv(VecEnv):
 
 def _with_channels(space: spaces.Space) -> spaces.Space:
     """An observation space, with a channel axis for images of one channel."""
-
-    def add(space: spaces.Space) -> spaces.Space:
-        if isinstance(space, spaces.Dict):
-            return spaces.Dict({name: add(part) for name, part in space.spaces.items()})
-        if space.shape is not None and _lacks_channel(space.shape, space.dtype):
-            return spaces.Box(0, 255, (*space.shape, 1), np.uint8)
-        return space
-
-    return add(space)
+    if isinstance(space, spaces.Dict):
+        return spaces.Dict({name: _with_channels(part) for name, part in space.spaces.items()})
+    if space.shape is not None and _lacks_channel(space.shape, space.dtype):
+        return spaces.Box(0, 255, (*space.shape, 1), np.uint8)
+    return space
 
 
 def _lacks_channel(shape: tuple[int, ...], dtype: Any) -> bool:

@@ -36,7 +36,7 @@ def told_by(
             to_fixed(o.position_x),
             to_fixed(o.position_y),
             o.id,
-            _turns(o.angle),
+            turns_of(o.angle),
             to_fixed(math.hypot(o.velocity_x, o.velocity_y)),
         )
         for o in objects
@@ -53,7 +53,7 @@ def told_by(
     state = first.replace(
         fixed_position=place,
         fixed_velocity=velocity,
-        angle=np.uint32(_turns(values["ANGLE"])),
+        angle=np.uint32(turns_of(values["ANGLE"])),
         time=np.int32(time),
     )
     return env.from_game(state, game)
@@ -64,8 +64,8 @@ def with_pose(env: DoomScenario[Any, Any], told: Any) -> Any:
     return _at_pose(env, told, told.fixed_position, told.fixed_velocity, told.angle)
 
 
-def _turns(angle: float) -> int:
-    """Degrees as a 32-bit angle of the game, which counts 2**32 - 1 units per turn."""
+def turns_of(angle: float) -> int:
+    """Degrees of the game as its 32-bit angle; the game divides by its largest one, 2**32 - 1."""
     return round(angle / 360 * (2**32 - 1)) % 2**32
 
 

@@ -58,17 +58,16 @@ def _thinned(digests: Sequence[bytes], every: int) -> tuple[str, ...]:
     return tuple(hashlib.sha256(b"".join(group)).hexdigest()[:DIGITS] for group in groups)
 
 
-def trajectory_of(session: Session, spec: Spec | None = None) -> Trajectory:
+def trajectory_of(session: Session) -> Trajectory:
     """The trajectory of a session; replays its actions to compute the digests.
 
     Args:
         session: an episode, finished or not.
-        spec: the spec of its environment, if known.
 
     Raises:
         TrajectoryError: neither `make` nor `from_ascii` builds its environment.
     """
-    spec = spec or spec_of(session.env, session.params)
+    spec = spec_of(session.env, session.params)
     again = Session(session.env, session.params, session.seed)
     digests = Digests()
     digests.add(again)

@@ -181,7 +181,7 @@ def _yaml(path: Path, text: str) -> Any:
             # The time to parse grows with the square of the depth.
             if depth > DEEPEST:
                 raise yaml.YAMLError(f"lists and tables are nested more than {DEEPEST} deep")
-        return yaml.load(text, _yaml_loader()) or {}
+        return _yaml_loader()(text).get_single_data() or {}
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingError(f"{path} is not YAML: {one_line(str(error))}") from error
 

@@ -87,19 +87,23 @@ class Target(Part):
         """The game's pictures of the monster alive and hit."""
         return TARGET
 
-    def sprites(self, state: DoomBasicState) -> Sprites:
+    def sprites(self, state: Any) -> Sprites:
         """The monster, alive or dead."""
         dead = state.killed[None].astype(jnp.int32)
-        return Sprites(state.target[None], dead, jnp.ones(1, bool))
+        return Sprites(self._place(state), dead, jnp.ones(1, bool))
 
-    def shown(self, state: DoomBasicState, tic: jax.Array) -> Shown:
+    def _place(self, state: Any) -> jax.Array:
+        """int32[1, 2]: where the monster is."""
+        return state.target[None]
+
+    def shown(self, state: Any, tic: jax.Array) -> Shown:
         """The monster, which looks west, in the game's pictures."""
         del tic
         west = jnp.full(1, np.uint32(1 << 31))
         places, looks, visible, _ = self.sprites(state)
         return Shown(places, looks, visible, west)
 
-    def from_game(self, state: DoomBasicState, game: Game) -> DoomBasicState:
+    def from_game(self, state: Any, game: Game) -> Any:
         """Read the monster from the game."""
         rows = game.of(CACODEMON.game_name)
         return state.replace(target=rows[0, :2].astype(np.int32)) if len(rows) else state

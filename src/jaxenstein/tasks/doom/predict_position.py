@@ -18,15 +18,15 @@ from ...players.chance import NO_OP
 from ..draws import sample_index
 from ..health import FULL_HEALTH
 from .arsenal import Arsenal
+from .basic import Target
 from .collision import bearing, offsets, segments
 from .fixed import ONE
-from .game_things import Look, Shown
+from .game_things import Shown
 from .monster_ai import approximate, turned, walk
 from .monster_kinds import CACODEMON
-from .monster_looks import TARGET
 from .monsters import Horde, Monsters
 from .motion import moved
-from .parts import Game, GameObject, Health, Part, Sprites
+from .parts import Game, Health, Part
 from .physics import ATTACK, TURN_LEFT, TURN_RIGHT
 from .players import off_by
 from .pose import DoomState
@@ -86,20 +86,11 @@ class DoomPredictState(DoomState):
     killed: jax.Array
 
 
-class Walker(Part):
+class Walker(Target):
     """The monster: `state.monsters` and `state.killed`."""
 
-    objects = (GameObject(CACODEMON.game_name, CACODEMON.label, CACODEMON.pictures[2:]),)
-
-    @property
-    def looks(self) -> tuple[Look, ...]:
-        """The game's pictures of the monster alive and hit."""
-        return TARGET
-
-    def sprites(self, state: DoomPredictState) -> Sprites:
-        """The monster, alive or dead."""
-        dead = state.killed[None].astype(jnp.int32)
-        return Sprites(state.monsters.position, dead, jnp.ones(1, bool))
+    def _place(self, state: DoomPredictState) -> jax.Array:
+        return state.monsters.position
 
     def shown(self, state: DoomPredictState, tic: jax.Array) -> Shown:
         """The monster in the game's pictures."""
