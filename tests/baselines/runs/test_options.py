@@ -291,9 +291,15 @@ def test_yaml_numbers_and_repeated_names(tmp_path: Path) -> None:
     assert read_file(file) == {
         "learning_rate": 3e-4, "total_steps": 1_500_000, "params": {"discount": 0.1}
     }  # fmt: skip
+    # 1 and 1.0 are the same key of a dictionary, but different names in the file.
+    file.write_text("1: 2\n1.0: 3\n")
+    with pytest.raises(SettingError, match="unknown option '1'"):
+        read_file(file)
     for text in ("seeds: 2\nalgo: rnd\nseeds: 3\n", "params: {seeds: 1, seeds: 2}"):
         file.write_text(text)
-        with pytest.raises(SettingError, match=r"run.yaml is not YAML: 'seeds' is given twice"):
+        with pytest.raises(
+            SettingError, match=r"run.yaml is not YAML: two entries have .* 'seeds'"
+        ):
             read_file(file)
 
 

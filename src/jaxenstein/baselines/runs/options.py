@@ -18,6 +18,7 @@ from typing import Any
 from ...errors import SettingError, one_line, quoted
 from ...fields import Domain, Option, check_names, is_number, names_of, options_of
 from ...files import read_text, reason_of
+from ...results import without_repeats
 from ...settings import checked, environment_options, spec_from
 from ...settings import given_by as environment_given_by
 from ..bonuses import NoBonus
@@ -193,10 +194,7 @@ def _yaml_loader() -> Any:
     class Loader(yaml.SafeLoader):
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             table = super().construct_mapping(node, deep)
-            names = [key.value for key, _ in node.value]
-            if len(table) < len(names):
-                twice = next(name for name in names if names.count(name) > 1)
-                raise yaml.YAMLError(f"{quoted(twice)} is given twice")
+            without_repeats([(key.value, value) for key, value in node.value])
             return table
 
     number = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
