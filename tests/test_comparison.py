@@ -164,9 +164,10 @@ def test_reference_files(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "cannot read .*reference.json: no such file"),
-        ("{", "reference.json is not JSON: "),
-        ("[" * 100_000, "reference.json is not JSON: "),
+        (None, "reference.json: cannot be read: no such file"),
+        ("{", "reference.json: not a file of reference returns, or only a part of it: "),
+        ("[" * 100_000, "reference.json: not a file of reference returns: "),
+        ('{"simple": {"random": 0, "expert": NaN}}', "it has a number that is NaN"),
         ("[]", "reference.json must hold "),
         ('{"simple": 1}', "'simple' must be an object with 'random' and 'expert'"),
         ('{"simple": {"random": 0}}', "'simple' must be an object with 'random' and 'expert'"),
@@ -176,7 +177,7 @@ def test_reference_files(tmp_path: Path) -> None:
                 (0, "the expert's return must be above the random player's, but is 0 against 0"),
                 *(
                     (wrong, "the expert's return must be a finite number, not ")
-                    for wrong in (float("nan"), 10**400, "1", None, True, [1, 2])
+                    for wrong in (10**400, "1", None, True, [1, 2])
                 ),
             )
         ),

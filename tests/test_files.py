@@ -129,7 +129,7 @@ def test_endless_device_is_not_read(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="it has more than 1000 characters"):
         read_text("/dev/zero", 1000)
     for read in (load_trajectory, read_reference, read_results, jaxenstein.from_file):
-        with pytest.raises(jaxenstein.JAXensteinError, match=r"it has more than|it is larger than"):
+        with pytest.raises(jaxenstein.JAXensteinError, match="it has more than"):
             read("/dev/zero")
     path = tmp_path / "text"
     path.write_text("ä" * 1000, encoding="utf-8")

@@ -223,7 +223,7 @@ def test_every_command_accepts_a_registered_task(
     assert f"--import {module}" in capsys.readouterr().err
     assert main(["replay", "a.json", "--import", module]) == 0
     assert main(["replay", "a.json", "--import", "no_such_module"]) == 2
-    assert "no module named 'no_such_module'" in capsys.readouterr().err
+    assert "there is no module 'no_such_module' to import" in capsys.readouterr().err
 
 
 @pytest.mark.slow

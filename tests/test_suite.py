@@ -112,7 +112,7 @@ def test_the_baselines_follow_the_protocol():
 @pytest.mark.parametrize(
     ("damage", "told"),
     [
-        (lambda text: text[:-100], r"ppo\.json: not JSON, or only a part of it"),
+        (lambda text: text[:-100], r"ppo\.json: not a results file, or only a part of it"),
         (lambda text: text.replace('"id":"simple"', '"id":"my-way-home"'), "has no task 'my-way"),
         (lambda text: text.replace('"frame_skip":4', '"frame_skip":3'), "'frame_skip' is 3, but"),
         (lambda text: text.replace('"version":2', '"version":3'), "the version is 3, but must be"),
@@ -153,6 +153,9 @@ def test_scripted_players_are_evaluated(frame_skip):
     assert not idle.successes.any()
     with pytest.raises(SettingError, match="no player 'expart', did you mean 'expert'"):
         evaluate_player(env, params, "expart")
+    wrong: Any = (env, params)
+    with pytest.raises(SettingError, match=r"make returns \(env, params\)"):
+        evaluate_player(wrong, params)
 
 
 def test_scripted_players_play_levels_of_the_split():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,9 @@ import numpy as np
 
 from .environment import AnyEnvironment
 from .errors import SettingError, nearest, one_line, quoted
-from .files import read_text, reason_of
+from .files import read_json
 from .intervals import Interval
-from .results import Results, read_results, without_repeats
+from .results import Results, read_results
 from .scores import normalised
 from .spec import Spec
 
@@ -226,13 +225,9 @@ def read_reference(path: str | Path) -> dict[str, Reference]:
         SettingError: the file cannot be read or has other content; the message names it.
     """
     try:
-        plain = json.loads(read_text(path), object_pairs_hook=without_repeats)
-    except OSError as error:
-        raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
+        plain = read_json(path, "a file of reference returns")
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from error
-    except (ValueError, RecursionError) as error:
-        raise SettingError(f"{path} is not JSON: {error}") from error
     if not isinstance(plain, dict):
         raise SettingError(f'{path} must hold {{"task id": {{"random": x, "expert": y}}}}')
     return {task: _reference(path, task, entry) for task, entry in plain.items()}

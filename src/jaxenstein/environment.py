@@ -71,8 +71,10 @@ class Environment(abc.ABC, Generic[S, P]):
 
     params_class: ClassVar[type[Params]] = Params
     action_names: ClassVar[tuple[str, ...]] = ()
-    # The event that means success; "" if success is to terminate with a positive reward.
+    # The event that means success; "" if there is none.
     success_event: ClassVar[str] = ""
+    # Whether success is then to reach the time limit, or else to terminate with a positive reward.
+    survival: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Keep the `dataclass` decorator from writing a longer `__repr__`."""
@@ -158,8 +160,9 @@ class Environment(abc.ABC, Generic[S, P]):
     ) -> jax.Array:
         """bool[]: whether a step reached the aim of the task; `info["success"]` holds it.
 
-        True if `success_event` happened, or, in a class without one, if the step terminated with
-        a positive reward. Tasks with another aim override this.
+        True if `success_event` happened; in a class without one, if the step terminated with a
+        positive reward or, with `survival`, reached the time limit. Tasks with another aim override
+        this.
 
         Args:
             state: the state after the step, with `time`, `episode_return` and `done` updated.
@@ -168,10 +171,10 @@ class Environment(abc.ABC, Generic[S, P]):
             events: as `transition` returned them.
             params: the params.
         """
-        del state, params
+        del params
         if self.success_event:
             return events[self.success_event].astype(bool)
-        return terminated & (reward > 0)
+        return state.done & ~terminated if self.survival else terminated & (reward > 0)
 
     def first_state(self, key: jax.Array, params: P) -> S:
         """The first state of an episode: the task's own, extended by what settings add."""

@@ -191,11 +191,7 @@ def evaluate(
         >>> results.returns.tolist(), results.successes.tolist()
         ([[1.0, 1.0, 1.0]], [[True, True, True]])
     """
-    if not isinstance(env, Environment):
-        shown = f"{type(env).__module__}.{type(env).__qualname__}"
-        pair = "; jaxenstein.make returns (env, params)" if isinstance(env, tuple) else ""
-        raise SettingError(f"env must be an environment from jaxenstein.make, not a {shown}{pair}")
-    env = dataclasses.replace(env, autoreset=None, final_observation=False)
+    env = _without_autoreset(env)
     given = drawing.single_params(env, params)
     numbers = split_ranges(given)[0]
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
@@ -230,9 +226,10 @@ def evaluate_player(
         As `evaluate`.
 
     Raises:
-        SettingError: the task has no such player, or a number is out of range.
+        SettingError: `env` is not an environment, the params have a batch axis, a number is out
+            of range, or the task has no such player.
     """
-    env = dataclasses.replace(env, autoreset=None, final_observation=False)
+    env = _without_autoreset(env)
     given = drawing.single_params(env, params)
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     player = player_of(env, name)
@@ -241,6 +238,14 @@ def evaluate_player(
     played = play(env, player, split_ranges(given)[0], key, first.state, first.numbers)
     told = played.returned, played.length, played.successes > 0
     return _results(described(env, params), name, seed, *told)
+
+
+def _without_autoreset(env: AnyEnvironment) -> AnyEnvironment:
+    if not isinstance(env, Environment):
+        shown = f"{type(env).__module__}.{type(env).__qualname__}"
+        pair = "; jaxenstein.make returns (env, params)" if isinstance(env, tuple) else ""
+        raise SettingError(f"env must be an environment from jaxenstein.make, not a {shown}{pair}")
+    return dataclasses.replace(env, autoreset=None, final_observation=False)
 
 
 def _results(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import stat
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
-from .errors import JAXensteinError, SettingError
+from .errors import JAXensteinError, SettingError, quoted
 
 # The most characters in a text: an endless device must not fill the memory.
 LONGEST_TEXT = 2**26
@@ -88,6 +91,49 @@ def read_text(path: str | Path, most: int = LONGEST_TEXT) -> str:
     if len(text) > most:
         raise OSError(errno.EFBIG, f"it has more than {most} characters")
     return text
+
+
+def read_json(path: str | Path, what: str) -> Any:
+    """Read a file of JSON.
+
+    Args:
+        path: the file.
+        what: what the file should be, with an article, for the message.
+
+    Raises:
+        SettingError: the file cannot be read, is not JSON, has a number that is not finite, or has
+            two entries of one name in an object; the message does not name the file.
+    """
+    try:
+        return json.loads(
+            read_text(path), parse_constant=_refuse, object_pairs_hook=without_repeats
+        )
+    except OSError as error:
+        raise SettingError(f"cannot be read: {reason_of(error)}") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise SettingError(f"not {what}, or only a part of it: {place}: {error.msg}") from error
+    except JAXensteinError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise SettingError(f"not {what}: {error}") from error
+
+
+def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The entries of an object of JSON or YAML.
+
+    Raises:
+        SettingError: two of them have one name.
+    """
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
+        raise SettingError(f"two entries have the name {quoted(twice)}")
+    return table
+
+
+def _refuse(word: str) -> NoReturn:
+    raise SettingError(f"it has a number that is {word}; all must be finite")
 
 
 def append(path: Path, text: str) -> None:

@@ -19,6 +19,7 @@ from .fields import (
     is_array_like,
     is_whole,
     names_of,
+    values_of,
 )
 from .fields import number as number
 from .pytree import PyTreeNode
@@ -144,8 +145,8 @@ def ranges_of(params: Any) -> dict[str, Range]:
     """The ranges among params by name; {} for other objects."""
     if not isinstance(params, Params):
         return {}
-    values = {name: getattr(params, name) for name in names_of(params)}
-    return {name: value for name, value in values.items() if isinstance(value, Range)}
+    values = values_of(params).items()
+    return {name: value for name, value in values if isinstance(value, Range)}
 
 
 def split_ranges(params: T) -> tuple[T, dict[str, Range]]:

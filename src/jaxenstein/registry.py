@@ -17,7 +17,7 @@ from . import catalogue
 from .catalogue import Build, Row
 from .environment import AnyEnvironment, Environment
 from .errors import JAXensteinError, SettingError, UnknownEnvironmentError, nearest, quoted
-from .fields import is_whole
+from .fields import is_whole, names_of
 from .level_counts import check_levels
 
 ENTRIES: dict[str, Row] = dict(catalogue.ENTRIES)
@@ -134,7 +134,7 @@ def make_with(id: Any, settings: Mapping[str, Any]) -> tuple[AnyEnvironment, Any
     check that each side of a split has levels.
     """
     name, row = find(id)
-    check_names(settings, row.settings, lambda: _param_names(row, settings))
+    check_settings(settings, row.settings, lambda: _param_names(row, settings))
     parameters = inspect.signature(row.build).parameters.values()
     needed = {one.name for one in parameters if one.default is one.empty} - {*settings}
     if missing := [one for one in row.settings if one in needed]:
@@ -155,19 +155,22 @@ def import_module_of(id: Any) -> None:
     module, colon, _ = id.rpartition(":") if isinstance(id, str) else ("", "", "")
     if not colon:
         return
-    if not all(part.isidentifier() for part in module.split(".")):
-        raise UnknownEnvironmentError(
-            f"unknown environment {quoted(id)}: {quoted(module)} is not the name of a module"
-        )
+    if fault := import_fault(module):
+        raise UnknownEnvironmentError(f"unknown environment {quoted(id)}: {fault}")
+
+
+def import_fault(name: str) -> str:
+    """Import a module of the user; returns "", or why there is no such module."""
+    if not all(part.isidentifier() for part in name.split(".")):
+        return f"{quoted(name)} is not the name of a module"
     try:
-        importlib.import_module(module)
+        importlib.import_module(name)
     except ModuleNotFoundError as error:
-        # An import inside the task's module failed: let that error through.
-        if not f"{module}.".startswith(f"{error.name}."):
+        # An import inside the module failed: let that error through.
+        if not f"{name}.".startswith(f"{error.name}."):
             raise
-        raise UnknownEnvironmentError(
-            f"unknown environment {quoted(id)}: there is no module {quoted(error.name)} to import"
-        ) from error
+        return f"there is no module {quoted(error.name)} to import"
+    return ""
 
 
 def find(id: Any) -> tuple[str, Row]:
@@ -250,7 +253,7 @@ def _first_line(build: Build) -> str:
     return text.partition("\n")[0].rstrip(".")
 
 
-def check_names(
+def check_settings(
     settings: Mapping[str, Any], known: Sequence[str], params: Callable[[], Sequence[str]]
 ) -> None:
     """Raise for an unknown setting; `params` returns the names of the params, for the message."""
@@ -271,11 +274,6 @@ def _param_names(row: Row, settings: Mapping[str, Any]) -> tuple[str, ...]:
     """The names of the params of a row's environment, or () if it cannot be built."""
     known = {name: value for name, value in settings.items() if name in row.settings}
     try:
-        return fields_of(type(row.build(**known).default_params))
+        return names_of(type(row.build(**known).default_params))
     except (JAXensteinError, TypeError):
         return ()
-
-
-def fields_of(cls: type) -> tuple[str, ...]:
-    """The names of the fields of a params class."""
-    return tuple(field.name for field in dataclasses.fields(cls))

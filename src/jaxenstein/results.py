@@ -11,16 +11,15 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from .errors import JAXensteinError, SettingError, quoted
 from .fields import check_whole
-from .files import atomic, reason_of
+from .files import LONGEST_TEXT, atomic, read_json
 from .intervals import mean_interval
 from .machine import made_by
 from .spec import Spec
@@ -29,8 +28,6 @@ FORMAT, VERSION = "jaxenstein-results", 1
 ACTIONS = ("greedy", "sampled", None)
 # The entry of `made_with` for episodes in ViZDoom.
 GAME = "vizdoom"
-# The most bytes in a file: some millions of episodes.
-LARGEST = 2**26
 # The entries of a run, the matching attributes of `Results`, and the types of their values.
 PARTS: dict[str, tuple[str, tuple[type, ...], Any]] = {
     "return": ("returns", (int, float), np.float64),
@@ -182,8 +179,10 @@ def write_results(path: str | Path, results: Sequence[Results]) -> None:
     entries = ",\n".join(json.dumps(one.to_json(), **dense) for one in results)
     head = f'"format": "{FORMAT}",\n"version": {VERSION},\n'
     text = f'{{\n{head}"results": [\n{entries}\n]\n}}\n'
-    if len(text) > LARGEST:
-        raise SettingError(f"{path} would be larger than {LARGEST >> 20} MiB: use fewer episodes")
+    if len(text) > LONGEST_TEXT:
+        raise SettingError(
+            f"{path} would have more than {LONGEST_TEXT} characters: use fewer episodes"
+        )
     with atomic(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
@@ -197,7 +196,7 @@ def read_results(path: str | Path) -> tuple[Results, ...]:
             entry.
     """
     try:
-        table = _parsed(Path(path))
+        table = read_json(path, "a results file")
         if not isinstance(table, dict) or table.get("format") != FORMAT:
             raise SettingError(f"not a results file: 'format' is not {FORMAT!r}")
         check_whole("version", table.get("version"), 1)
@@ -213,44 +212,6 @@ def read_results(path: str | Path) -> tuple[Results, ...]:
     except JAXensteinError as error:
         raise SettingError(f"{path}: {error}") from error
     return tuple(_read(path, i, entry) for i, entry in enumerate(entries))
-
-
-def _parsed(path: Path) -> Any:
-    """Parse the JSON in a file."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise SettingError(f"it is larger than {LARGEST >> 20} MiB")
-        return json.loads(
-            data.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=without_repeats
-        )
-    except OSError as error:
-        raise SettingError(f"cannot be read: {reason_of(error)}") from error
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise SettingError(f"not JSON, or only a part of it: {place}: {error.msg}") from error
-    except JAXensteinError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise SettingError(f"not a results file: {error}") from error
-
-
-def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The entries of an object of JSON or YAML.
-
-    Raises:
-        SettingError: two of them have one name.
-    """
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
-        raise SettingError(f"two entries have the name {quoted(twice)}")
-    return table
-
-
-def _refuse(word: str) -> NoReturn:
-    raise SettingError(f"it has a number that is {word}; all must be finite")
 
 
 def _read(path: str | Path, index: int, entry: Any) -> Results:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import MapError, MapWarning, quoted
-from .registry import check_names, fields_of
+from .fields import names_of
+from .registry import check_settings
 
 if TYPE_CHECKING:
     from .tasks.goals import NavigationParams
@@ -86,7 +87,7 @@ def _from_texts(text: str, settings: dict[str, Any]) -> tuple[Navigation, Naviga
     from .tasks.navigation import Navigation
 
     known = (*SETTINGS, "name", "heading", "regions", "faces", "floor", "ceiling")
-    check_names(settings, known, lambda: fields_of(NavigationParams))
+    check_settings(settings, known, lambda: names_of(NavigationParams))
     name = settings.get("name", "custom")
     painted = {kind: settings.pop(kind, None) for kind in ("regions", "faces")}
     tilemap = parse_ascii(text, name, **painted, stacklevel=4)

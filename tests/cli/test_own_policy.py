@@ -130,7 +130,7 @@ def test_record_and_play_accept_own_policy(module: str, capsys: pytest.CaptureFi
         (["--policy", "{}:alone"], "must take (env, params) and return (policy, carry)"),
         (["--policy", "os:getcwd"], "return (policy, carry), with carry None for a policy without"),
         (["--policy", "{}:logits"], "must be one whole number of shape ()"),
-        (["--policy", "{}_not:forward"], "no module named"),
+        (["--policy", "{}_not:forward"], "there is no module"),
         (["--policy", "{}"], "has no player 'agents_of"),
         (["--policy", "{}:forward", "--greedy"], "--run, --greedy and --in need RUN"),
         (["--policy", "{}:forward", "runs/x"], "give either RUN or --policy MODULE:FUNCTION"),

@@ -211,7 +211,7 @@ def test_plot(words: list[str], tmp_path: Path) -> None:
             ["a.json", "--plot", "a.png"],
             "normalised scores: give --suite or --reference",
         ),
-        (["a.json", "--reference", "none.json"], "cannot read none.json: no such file"),
+        (["a.json", "--reference", "none.json"], "none.json: cannot be read: no such file"),
         (["a.json", "--reference", "reference.json"], "there is no reference for 'key-door'"),
         (["a.json", "--seed", "-1"], "argument --seed: must be a whole number from 0"),
     ],

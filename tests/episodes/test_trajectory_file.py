@@ -42,6 +42,8 @@ def test_truncated_files_are_refused(walk: Trajectory, tmp_path: Path) -> None:
     [
         (b"\xff\xfe\x00", "not a trajectory"),
         (b"[1]", "'format' is not"),
+        (b'{"format": 1, "format": 2}', "two entries have the name 'format'"),
+        (b'{"format": NaN}', "it has a number that is NaN"),
         (b"{}", "'format' is not"),
         (b'{"format": "other"}', "'format' is not"),
         (b"[" * 100_000, "not a trajectory"),

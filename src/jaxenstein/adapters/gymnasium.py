@@ -14,6 +14,7 @@ import numpy as np
 from .. import drawing, spaces
 from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest, quoted
+from ..fields import names_of
 from ..params import split_ranges
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
@@ -228,7 +229,7 @@ def resolve(
     static = set(find(env)[1].settings)
     made, default = make(env, **{key: settings[key] for key in settings if key in static})
     numbers = {key: value for key, value in settings.items() if key not in static}
-    params_of = [field.name for field in dataclasses.fields(default)]
+    params_of = names_of(default)
     for name in numbers:
         if name not in params_of:
             close = nearest(name, [*static, *params_of])

@@ -31,8 +31,9 @@ from . import (
 from .arguments import Parser, UsageError
 from .compile_cache import keep_programs
 from .opening import IMPORT, handling, import_modules, named_modules, plain_warnings
+from .train import INTERRUPTED
 
-FAILED, WRONG_ARGUMENTS, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
+FAILED, WRONG_ARGUMENTS, BROKEN_PIPE = 1, 2, 141
 ENDING = ("SIGTERM", "SIGHUP")
 
 COMMANDS = {
@@ -79,8 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 for success; 1 if something could not be written or run, or a replay
         differs; 2 for wrong arguments; 3 if all runs of a training diverged; 130 after Ctrl-C or
-        --minutes;
-        141 if the reader closed the pipe.
+        --minutes; 141 if the reader closed the pipe.
     """
     try:
         given = sys.argv[1:] if argv is None else argv

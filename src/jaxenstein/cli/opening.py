@@ -25,6 +25,7 @@ from ..errors import (
     quoted,
 )
 from ..files import atomic
+from ..registry import import_fault
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, flag, plain_value
 from .compile_cache import forget
 
@@ -236,15 +237,8 @@ def import_modules(names: Sequence[str]) -> None:
         # Last, so that files in the folder cannot shadow a library.
         sys.path.append(os.getcwd())
     for name in names:
-        if not all(part.isidentifier() for part in name.split(".")):
-            raise UsageError(f"jaxenstein: {quoted(name)} is not the name of a module")
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            # An import inside the module failed: let that error through.
-            if not f"{name}.".startswith(f"{error.name}."):
-                raise
-            raise UsageError(f"jaxenstein: no module named {quoted(error.name)}") from error
+        if fault := import_fault(name):
+            raise UsageError(f"jaxenstein: {fault}")
 
 
 def import_module_of(id: str | None) -> None:

@@ -289,7 +289,7 @@ def table_of_aggregates(summary: Summary) -> str:
         row = [policy]
         for name in HEADINGS:
             one = found[name]
-            row += [f"{one.value:.3f}", "-" if single else between(one, ".3f")]
+            row += [f"{one.value:z.3f}", "-" if single else between(one, ".3f")]
         rows.append(tuple(row))
     return format_table(rows, right=tuple(range(1, 9)))
 

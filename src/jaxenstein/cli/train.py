@@ -80,6 +80,7 @@ such as simple-skip6.
 """
 # Number of updates whose episodes the progress line averages.
 RECENT = 10
+# Exit codes.
 DIVERGED, INTERRUPTED = 3, 130
 # Advice for a run that diverged.
 ADVICE = (

@@ -245,6 +245,12 @@ def _laid_out(
     return parts, np.array([places[id(picture)] for picture in pictures], np.int32)
 
 
+def kept_once(pictures: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The same pictures, with equal ones as one object, which an atlas holds once."""
+    known: dict[tuple[tuple[int, ...], bytes], np.ndarray] = {}
+    return [known.setdefault((one.shape, one.tobytes()), one) for one in pictures]
+
+
 def pack_opaque(masks: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """`Cutouts.column` and `Cutouts.opaque` for masks bool[height, width] of pictures."""
     words = max(-(-len(mask) // WORD) for mask in masks)

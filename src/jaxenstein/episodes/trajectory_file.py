@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import string
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 from ..environment import AnyEnvironment
 from ..errors import JAXensteinError, TrajectoryError, quoted
 from ..fields import Domain, names_of
-from ..files import read_text, reason_of
+from ..files import read_json
 from ..spec import TEXTS, Spec
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
@@ -30,24 +29,9 @@ def load_trajectory(path: str | Path) -> Trajectory:
             entry.
     """
     try:
-        return _read(_parse(Path(path)))
+        return _read(read_json(path, "a trajectory"))
     except JAXensteinError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-
-
-def _parse(path: Path) -> Any:
-    """Parse the JSON in a file."""
-    try:
-        return json.loads(read_text(path))
-    except OSError as error:
-        raise TrajectoryError(f"cannot be read: {reason_of(error)}") from error
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise TrajectoryError(
-            f"not a trajectory, or only a part of one: {place}: {error.msg}"
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise TrajectoryError(f"not a trajectory: {error}") from error
 
 
 def _read(table: Any) -> Trajectory:

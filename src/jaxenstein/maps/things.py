@@ -27,6 +27,7 @@ COLOURS: tuple[tuple[str, RGB], ...] = (
 # Without a colour of its own, a picture's detail has its colour times this factor.
 DETAIL_SHADE = 0.55
 COLOUR_NAMES: tuple[str, ...] = tuple(name for name, _ in COLOURS)
+RED, GREEN, BLUE, PURPLE, YELLOW, GREY = range(len(COLOURS))
 
 
 @dataclass(frozen=True)

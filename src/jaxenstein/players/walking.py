@@ -122,7 +122,7 @@ def walk_down(
     return jnp.where(wide, looked, towards(body, scene, offset)), target
 
 
-SHORTEST_PATH = Player("walks the shortest path; sees the whole state", shortest_path)
+SHORTEST_PATH = Player("walks the shortest path over tiles; sees the whole state", shortest_path)
 
 
 def towards(body: Movement, scene: Scene, offset: jax.Array, slack: float = 0.5) -> jax.Array:
@@ -305,6 +305,20 @@ def distance_tables(tilemap: TileMap) -> np.ndarray:
         to_goal = walking_distances(walkable, tilemap.goals)
         tables.append(np.where(to_goal < 0, to_key, to_goal).astype(np.int32))
     return np.stack(tables)
+
+
+def mask_of(tiles: jax.Array, shape: tuple[int, ...], which: jax.Array | None = None) -> jax.Array:
+    """bool[rows, columns]: the tiles in a list.
+
+    Args:
+        tiles: int32[K, 2], or one tile int32[2]: (column, row).
+        shape: (rows, columns).
+        which: bool[K], the tiles that count; None for all.
+    """
+    row, column = np.indices(shape, np.int32)
+    tiles = tiles.reshape(-1, 2)
+    here = (column[None] == tiles[:, :1, None]) & (row[None] == tiles[:, 1:, None])
+    return jnp.any(here if which is None else here & which[:, None, None], axis=0)
 
 
 def flood(walkable: jax.Array, target: jax.Array) -> jax.Array:

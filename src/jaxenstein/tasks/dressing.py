@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..engine.art import SIZE
+from ..engine.art import SIZE, planes_of
 from ..engine.art.patterns import FLOOR_PATTERNS
 from ..engine.camera import Camera
 from ..engine.image_columns import PANEL_SHADOW
@@ -20,6 +20,7 @@ from ..engine.textures import (
     Textures,
     build_atlas,
     darkened,
+    kept_once,
     pack_opaque,
     shade_of,
     sides_of,
@@ -56,7 +57,7 @@ def dressed(theme: Theme, images: Images, camera: Camera) -> Theme:
     things = [
         thing_picture(theme, i, own.get(int(label))) for i, label in enumerate(theme.sprite_labels)
     ]
-    pictures = _shared([*walls, *flats, *(rgba[..., :3] for rgba in things)])
+    pictures = kept_once([*walls, *flats, *(rgba[..., :3] for rgba in things)])
     texels = sum({id(p): p.shape[0] * p.shape[1] for p in pictures}.values())
     if texels > MOST_TEXELS:
         raise SettingError(
@@ -129,12 +130,6 @@ def smoothed(picture: np.ndarray, across: float, down: float) -> np.ndarray:
     return image
 
 
-def _shared(pictures: list[np.ndarray]) -> list[np.ndarray]:
-    """The same pictures, with equal ones as one object, which the atlas holds once."""
-    known: dict[tuple[tuple[int, ...], bytes], np.ndarray] = {}
-    return [known.setdefault((one.shape, one.tobytes()), one) for one in pictures]
-
-
 def _across(own: Picture | None, wall: float, picture: np.ndarray) -> int:
     """Texels per tile of an image on a wall; `wall` is its height in tiles."""
     width = picture.shape[1]
@@ -165,7 +160,7 @@ def _wall(theme: Theme, label: int, own: Picture | None) -> np.ndarray:
         return _over(own, colour)
     panel = int(theme.wall_panels[label])
     seams = theme.light == Light()
-    shadow, accent = _bits(np.asarray(theme.panels[panel]))
+    shadow, accent = planes_of(np.asarray(theme.panels[panel]))
     flat = not (shadow.any() or accent.any())
     rows, columns = (1 if flat else SIZE), (SIZE if seams or not flat else 1)
     image = np.broadcast_to(colour, (rows, columns, 3)).copy()
@@ -175,12 +170,6 @@ def _wall(theme: Theme, label: int, own: Picture | None) -> np.ndarray:
     if seams:
         image[:, [0, -1]] *= np.float32(1 - SEAM_SHADE / 2)
     return _rounded(image)
-
-
-def _bits(planes: np.ndarray) -> np.ndarray:
-    """bool[2, 32, 32] from uint32[2, 32]: planes by column, with the highest bit on top."""
-    bits = planes[:, None, :] >> np.arange(SIZE, dtype=np.uint32)[::-1][None, :, None]
-    return (bits & np.uint32(1)).astype(bool)
 
 
 def _floor(theme: Theme, own: Picture | None) -> np.ndarray:
@@ -202,7 +191,7 @@ def thing_picture(theme: Theme, picture: int, own: Picture | None = None) -> np.
     """uint8[height, width, 4]: the picture of a billboard of the theme."""
     if own is not None:
         return own.pixels
-    shape, detail = _bits(np.asarray(theme.sprite_art[picture]))
+    shape, detail = planes_of(np.asarray(theme.sprite_art[picture]))
     colours = np.asarray(theme.sprite_colours[picture], np.float32)
     colour = np.where(detail[..., None], colours[1], colours[0])
     alpha = np.where(shape, np.uint8(255), np.uint8(0))

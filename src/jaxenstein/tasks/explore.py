@@ -24,21 +24,20 @@ from ..environment import Info, Scalar, State
 from ..errors import SettingError, quoted
 from ..fields import choice, number
 from ..maps.symbols import DEFAULT_WALL, door_label
-from ..maps.things import APPLE, BALL, BOX, COLOUR_NAMES, GOAL, RGB
-from ..players.walking import SHORTEST_PATH, flood
+from ..maps.things import APPLE, BALL, BOX, GOAL, GREY
+from ..players.walking import SHORTEST_PATH, flood, mask_of
 from .appearance import build_theme
 from .draws import sample_index, sample_unit
 from .first_person import GeneratedTask
+from .maze import FLOORS, SKY
 from .maze_ways import sample_closed
 from .random_maze import MazePlan, RandomMaze, beside_rooms, sample_in_rooms, sample_maze
 from .steering import ACTION_NAMES, SteeringParams, steer
 
 Kind = Literal["goal", "apples", "objects"]
-FLOOR: tuple[RGB, RGB] = ((204, 118, 52), (184, 102, 42))
-SKY: RGB = (142, 190, 228)
 # The labels of objects: balls in six colours, then boxes.
 _OBJECTS = (*BALL.labels, *BOX.labels)
-_DOOR = door_label(COLOUR_NAMES.index("grey"), locked=True)
+_DOOR = door_label(GREY, locked=True)
 
 
 class ExploreParams(SteeringParams):
@@ -160,7 +159,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         """The look of the maze."""
         labels = {"goal": (GOAL.label,), "apples": (APPLE.label,)}
         pictures = labels.get(self.kind, _OBJECTS[: self.most_things])
-        return build_theme(pictures, doors=self.doors > 0, floor=FLOOR, ceiling=SKY)
+        return build_theme(pictures, doors=self.doors > 0, floor=FLOORS[0], ceiling=SKY)
 
     def init_state(self, key: jax.Array, params: ExploreParams) -> ExploreState:
         """Sample a maze, the places of things, the good ones, and the first start."""
@@ -303,12 +302,9 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
 
     def distance_field(self, state: ExploreState) -> jax.Array:
         """int32[rows, columns]: walking distance to the nearest good thing, around bad ones."""
-        row, column = np.indices((self.plan.size, self.plan.size), np.int32)
-        cells = jnp.floor(state.things).astype(jnp.int32)
-        here = (column[None] == cells[:, :1, None]) & (row[None] == cells[:, 1:, None])
+        cells, shape = jnp.floor(state.things).astype(jnp.int32), (self.plan.size, self.plan.size)
         good, bad = (
-            jnp.any(here & (state.left & which)[:, None, None], axis=0)
-            for which in (state.good, ~state.good)
+            mask_of(cells, shape, state.left & which) for which in (state.good, ~state.good)
         )
         return flood(_floor(state, _closed(state)) & ~bad, good)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -22,17 +22,11 @@ P = TypeVar("P", bound=Params)
 class HealthTask(Environment[S, P]):
     """Base of tasks whose states have `health`, int32[], and which end when it is 0."""
 
+    survival: ClassVar[bool] = True
+
     def describe(self, state: S, params: P) -> Info:
         """Add the health."""
         return super().describe(state, params) | {"health": state.health}
-
-    def succeeded(
-        self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
-    ) -> jax.Array:
-        """Whether the agent survived to the time limit, unless the task has a success event."""
-        if self.success_event:
-            return super().succeeded(state, reward, terminated, events, params)
-        return state.done & ~terminated
 
     def variables(self, state: S) -> dict[str, jax.Array]:
         """`health`: float32[1], 0 to 100."""

@@ -23,7 +23,7 @@ from ..errors import SettingError
 from ..maps.things import GOAL, KEY
 from ..maps.tilemap import Key, TileMap
 from ..params import number
-from ..players.walking import flood
+from ..players.walking import flood, mask_of
 from .appearance import build_theme
 from .draws import sample_index
 from .first_person import GeneratedTask
@@ -145,14 +145,12 @@ class KeyCorridor(
     def distance_field(self, state: KeyCorridorState) -> jax.Array:
         """int32[rows, columns]: distances to the key, or to the goal once the agent has it."""
         walls = jnp.asarray(state.level.walls)[0] != 0
-        columns, rows = state.level.doors[:, 0], state.level.doors[:, 1]
+        doors = jnp.asarray(state.level.doors)
         # An absent door is on the map's border.
-        passable = (~state.locked | state.taken) & (columns > 0)
-        row, column = np.indices(walls.shape, np.int32)
-        here = (column[None] == columns[:, None, None]) & (row[None] == rows[:, None, None])
-        walkable = ~walls | jnp.any(here & passable[:, None, None], axis=0)
+        passable = (~state.locked | state.taken) & (doors[:, 0] > 0)
+        walkable = ~walls | mask_of(doors, walls.shape, passable)
         target = jnp.floor(jnp.where(state.taken, state.goal, state.key)).astype(jnp.int32)
-        return flood(walkable, (column == target[0]) & (row == target[1]))
+        return flood(walkable, mask_of(target, walls.shape))
 
     def tilemap_of(self, state: KeyCorridorState) -> TileMap:
         """The layout with its key, its goal, and the agent's tile as its spawn."""

@@ -233,12 +233,12 @@ def far_starts(tilemap: TileMap, distance: int) -> tuple[np.ndarray, np.ndarray]
 
 # The floor (two colours of a checker) of the mazes 01, 02 and 03 of DeepMind Lab, after the names
 # of their textures, and the sky above them.
-_FLOORS = (
+FLOORS = (
     ((204, 118, 52), (184, 102, 42)),
     ((70, 112, 188), (60, 98, 170)),
     ((78, 150, 84), (66, 126, 150)),
 )
-_SKY = (142, 190, 228)
+SKY = (142, 190, 228)
 # Five cells of two tiles.
 _START_DISTANCE = 10
 
@@ -257,6 +257,6 @@ def dmlab(kind: str, number: int, respawn: bool) -> functools.partial[Maze]:
         start_distance=_START_DISTANCE,
         respawn=respawn,
         drawn_apples=len(cells) // 10 if kind == "random-goal" and respawn else 0,
-        floor=_FLOORS[number - 1],
-        ceiling=_SKY,
+        floor=FLOORS[number - 1],
+        ceiling=SKY,
     )

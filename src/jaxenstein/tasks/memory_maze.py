@@ -24,7 +24,7 @@ from ..environment import Info, Scalar, State
 from ..fields import check_whole, number
 from ..maps.symbols import LABEL_NAMES
 from ..maps.things import BALL, DETAIL_SHADE, RGB
-from ..players.walking import SHORTEST_PATH, flood, movement_of, remaining
+from ..players.walking import SHORTEST_PATH, flood, mask_of, movement_of, remaining
 from ..spaces import Box
 from .appearance import build_theme
 from .draws import sample_index, sample_unit
@@ -277,10 +277,9 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
 
     def distance_field(self, state: MemoryMazeState) -> jax.Array:
         """int32[rows, columns]: walking distance in tiles to the requested thing."""
-        row, column = np.indices((self.plan.size, self.plan.size), np.int32)
         target = jnp.floor(state.things[state.wanted]).astype(jnp.int32)
         walls = jnp.asarray(state.level.walls)[0] != 0
-        return flood(~walls, (column == target[0]) & (row == target[1]))
+        return flood(~walls, mask_of(target, walls.shape))
 
     def _distance(self, state: MemoryMazeState) -> jax.Array:
         return length(state.things[state.wanted] - state.position)

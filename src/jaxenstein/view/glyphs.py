@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
-from ..engine.art import SIZE, load_art
+from ..engine.art import load_art, planes_of
 from ..maps.things import THING_OF, Thing
 
 Colour = tuple[int, int, int]
@@ -144,9 +144,9 @@ def disc(draw: ImageDraw.ImageDraw, centre: Point, tile: float, colour: Colour) 
 
 def picture(draw: ImageDraw.ImageDraw, centre: Point, tile: float, row: Thing, label: int) -> None:
     """The picture of a billboard in its two colours, with an outline."""
-    bits = load_art(row.art)[:, None, :] >> np.arange(SIZE, dtype=np.uint32)[::-1, None] & 1
     side = round(max(0.8 * tile, 20.0))
-    masks = [Image.fromarray((plane * 255).astype(np.uint8)).resize((side, side)) for plane in bits]
+    planes = planes_of(load_art(row.art)).astype(np.uint8) * 255
+    masks = [Image.fromarray(plane).resize((side, side)) for plane in planes]
     corner = round(centre[0] - side / 2), round(centre[1] - side / 2)
     outline = masks[0].filter(ImageFilter.MaxFilter(2 * round(0.05 * side) + 1))
     for mask, paint in zip((outline, *masks), (INK, *row.paints(label)), strict=True):

@@ -216,7 +216,8 @@ def test_error_says_why_folder_is_no_run(whole: RunFolder, tmp_path: Path) -> No
     plain = json.loads((whole.path / CONFIG).read_text())
     misspelt = plain | {"config": plain["config"] | {"epohcs": 1}}
     for text, reason in (
-        ("{", "is not JSON"),
+        ("{", "config.json: not the config of a run, or only a part of it: line 1, column 2"),
+        ('{"format": 1, "format": 1}', "config.json: two entries have the name 'format'"),
         ("[]", "not the config of a run"),
         ('{"format": 99}', "format 99, not 1"),
         ('{"format": true}', "format True, not 1"),

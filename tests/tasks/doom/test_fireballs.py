@@ -11,7 +11,7 @@ from jaxenstein.tasks.doom.collision import segments, way_to
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.maps import Line
 from jaxenstein.tasks.doom.parts import Game
-from jaxenstein.tasks.doom.projectiles import Projectiles, fireballs, fly, no_projectiles, throw
+from jaxenstein.tasks.doom.projectiles import Projectiles, fireballs, throw
 from jaxenstein.tasks.doom.view import EYE
 from tests.tasks.doom.cases import first_state, make, place, places, player
 
@@ -23,6 +23,7 @@ HEIGHTS = (
     *(41.0, 41.041, 38.372, 46.511, 39.726, 40.408, 35.38),
     *(46.552, 46.362, 40.225, 46.111, 38.775, 48.558, 34.695),
 )
+BALLS = fireballs(3)
 WALLS = segments([Line(-300, 100, -300, -100, "-")])
 
 
@@ -33,7 +34,7 @@ def flown(balls: Projectiles, player: jax.Array, others: jax.Array, living: jax.
     def tic(balls: Projectiles, _: None) -> Any:
         places = jnp.concatenate([others, player[None]])
         bodies = places, np.array([20, 20, 16]), jnp.append(living, True)
-        after, hits = fly(balls, 6, bodies, WALLS)
+        after, hits = BALLS.fly(balls, bodies, WALLS)
         return after, (after.position, after.flies, hits[:, -1], after.bursts)
 
     return jax.lax.scan(tic, balls, None, length=40)[1]
@@ -43,7 +44,7 @@ def shoot(at: tuple[float, float], living: list[bool]) -> Any:
     """One fireball from the origin, which the first of two monsters has thrown, to (-200, 0)."""
     others = places((0, 0), (-100, 0))
     way = way_to(others, places((-200, 0)))
-    balls = throw(no_projectiles(3), jnp.array([True, False]), others, way, 10)
+    balls = throw(BALLS.none(), jnp.array([True, False]), others, way, 10)
     out = flown(balls, place(*at), others, jnp.array(living))
     return jax.tree.map(np.asarray, out)
 
@@ -78,7 +79,7 @@ def test_fireball_stops_at_another_monster_without_damage() -> None:
 def test_new_fireballs_replace_the_oldest() -> None:
     origin = places((0, 0), (0, 50))
     way = way_to(origin, places((-200, 0)))
-    balls = no_projectiles(3)
+    balls = BALLS.none()
     for _ in range(2):
         balls = throw(balls, jnp.array([True, True]), origin, way, 10)
     assert balls.owner.tolist() == [1, 1, 0]

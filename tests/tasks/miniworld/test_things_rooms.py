@@ -153,6 +153,11 @@ def test_picked_up_object_pays_and_disappears() -> None:
     last = state.replace(things=things.replace(place=jnp.array([0, 3, 3, 3, 3], jnp.int32)))
     _, reward, over, info = act("pickup-objects", last, PICK_UP, **before)
     assert (float(reward), bool(over), bool(info["success"])) == (1, True, True)
+    env, params = task("pickup-objects")
+    late, slow = state.replace(time=jnp.int32(199)), params.replace(time_cost=jnp.float32(0.5))
+    late = late.replace(position=jnp.array([4.5, 5.5]), heading=jnp.float32(0))
+    paid = env.transition(jax.random.key(0), late, jnp.int32(PICK_UP), slow)[1]
+    assert float(paid) == 1 - 0.5 * 200 / 400
 
 
 def test_the_red_box_beside_the_yellow_one() -> None:

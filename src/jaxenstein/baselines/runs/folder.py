@@ -13,7 +13,6 @@ import dataclasses
 import functools
 import json
 import os
-import platform
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,9 +23,9 @@ import numpy as np
 
 from ...errors import JAXensteinError, SettingError, quoted
 from ...fields import is_whole
-from ...files import atomic, check_links, make_folder, read_text, reason_of, writing
+from ...files import atomic, check_links, make_folder, read_json, writing
+from ...machine import made_by
 from ...pytree import PyTreeNode
-from ...version import __version__
 from ..divergence import Divergence, of_state
 from ..state import TrainState
 from .checkpoints import Checkpoints, Restored
@@ -108,13 +107,11 @@ class RunFolder:
         path = Path(path)
         file = path / CONFIG
         try:
-            plain = json.loads(read_text(file))
-        except (FileNotFoundError, NotADirectoryError):
-            raise SettingError(_no_run(path)) from None
-        except OSError as error:
-            raise SettingError(f"cannot read {file}: {reason_of(error)}") from error
-        except (ValueError, RecursionError) as error:
-            raise SettingError(f"{file} is not JSON: {error}") from error
+            plain = read_json(file, "the config of a run")
+        except SettingError as error:
+            if isinstance(error.__cause__, FileNotFoundError | NotADirectoryError):
+                raise SettingError(_no_run(path)) from None
+            raise SettingError(f"{file}: {error}") from error
         try:
             folder = cls(path, checked(Experiment.from_json(plain)))
         except JAXensteinError as error:
@@ -318,9 +315,5 @@ def run_names(experiment: Experiment) -> list[str]:
 
 def versions() -> dict[str, str]:
     """The versions that a run depends on; other versions may change its bits."""
-    return {
-        "jaxenstein": __version__,
-        "jax": jax.__version__,
-        "python": platform.python_version(),
-        "device": jax.devices()[0].device_kind,
-    }
+    facts = made_by()
+    return {name: facts[name] for name in ("jaxenstein", "jax", "python", "device")}

@@ -17,8 +17,7 @@ from typing import Any
 
 from ...errors import SettingError, one_line, quoted
 from ...fields import Domain, Option, check_names, is_number, names_of, options_of
-from ...files import read_text, reason_of
-from ...results import without_repeats
+from ...files import read_text, reason_of, without_repeats
 from ...settings import checked, environment_options, spec_from
 from ...settings import given_by as environment_given_by
 from ..bonuses import NoBonus

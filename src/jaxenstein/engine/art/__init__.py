@@ -13,6 +13,8 @@ import numpy as np
 
 SIZE = 32
 MARKS = ".#o"
+# The bit of each row in the word of a column.
+_PLACES = np.arange(SIZE, dtype=np.uint32)[::-1, None]
 
 
 @functools.cache
@@ -28,8 +30,16 @@ def load_art(name: str) -> np.ndarray:
     cells = np.array([list(line) for line in text.split()])
     if cells.shape != (SIZE, SIZE) or not np.isin(cells, list(MARKS)).all():
         raise ValueError(f"art {name!r} must be {SIZE} by {SIZE} characters of '.', '#' and 'o'")
-    weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32)[::-1])[:, None]
-    planes = np.stack([cells != ".", cells == "o"])
-    words = np.where(planes, weights, np.uint32(0)).sum(axis=1, dtype=np.uint32)
+    words = words_of(np.stack([cells != ".", cells == "o"]))
     words.setflags(write=False)
     return words
+
+
+def words_of(planes: np.ndarray) -> np.ndarray:
+    """uint32[..., 32]: bit planes bool[..., 32, 32] by column; the top is the highest bit."""
+    return (planes.astype(np.uint32) << _PLACES).sum(axis=-2, dtype=np.uint32)
+
+
+def planes_of(words: np.ndarray) -> np.ndarray:
+    """bool[..., 32, 32] from uint32[..., 32], the inverse of `words_of`."""
+    return (words[..., None, :] >> _PLACES & np.uint32(1)).astype(bool)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import SIZE
+from . import SIZE, words_of
 
 Coordinates = np.ndarray
 
@@ -79,9 +79,7 @@ FLOOR_PATTERNS: dict[str, tuple[int, int]] = {
 def wall_patterns() -> np.ndarray:
     """uint32[patterns, 2, 32]: planes as from `load_art`; the second plane is empty."""
     y, x = np.indices((SIZE, SIZE))
-    weights = np.left_shift(np.uint32(1), np.arange(SIZE, dtype=np.uint32)[::-1])[:, None]
     planes = np.stack([draw(x, y) for draw in _WALLS.values()])
-    words = np.where(planes, weights, np.uint32(0)).sum(axis=1, dtype=np.uint32)
-    words = np.stack([words, np.zeros_like(words)], axis=1)
+    words = words_of(np.stack([planes, np.zeros_like(planes)], axis=1))
     words.setflags(write=False)
     return words

@@ -24,7 +24,7 @@ from ...engine.textures import (
     sides_of,
 )
 from ...errors import WadError, quoted
-from .game_things import Look, Views, cutouts_of, kept_once, read_views
+from .game_things import Look, Views, as_in_file, cutouts_of, read_views
 from .game_walls import wall_materials, wall_rows
 from .game_weapon import WeaponLook, read_stamps, stamps_of
 from .maps import load_map, tiled
@@ -106,7 +106,7 @@ def game_pictures(
     flats = {name: _plane(wad, name) for name in doom_map.flats}
     views = read_views(wad, looks)
     shown = [looks[number] for number in views.look]
-    things = kept_once(views.pictures)
+    things = as_in_file(views.pictures)
     stamps = read_stamps(wad, weapons)
     floor, ceiling = doom_map.flats
     planes = [flats[ceiling], flats[floor]]

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...engine.scene import Theme
-from ...engine.textures import COVER, Cutouts, pack_opaque, sides_of
+from ...engine.textures import COVER, Cutouts, kept_once, pack_opaque, sides_of
 from .fixed import ONE, direction
 from .view import EYE
 from .wad import ROTATIONS, Picture, Wad
@@ -298,14 +298,9 @@ def dressed(look: Look, picture: Picture) -> Picture:
     return Picture(pixels, picture.left, picture.top, picture.mirrored)
 
 
-def kept_once(pictures: Sequence[Picture]) -> list[np.ndarray]:
-    """int16[height, width] as in the file: the same object for equal pictures and for mirrored."""
-    known: dict[tuple[tuple[int, ...], bytes], np.ndarray] = {}
-    found = []
-    for picture in pictures:
-        pixels = picture.pixels[:, ::-1] if picture.mirrored else picture.pixels
-        found.append(known.setdefault((pixels.shape, pixels.tobytes()), pixels))
-    return found
+def as_in_file(pictures: Sequence[Picture]) -> list[np.ndarray]:
+    """int16[height, width]: the same object for equal pictures and for mirrored ones."""
+    return kept_once([one.pixels[:, ::-1] if one.mirrored else one.pixels for one in pictures])
 
 
 def cutouts_of(
@@ -322,7 +317,7 @@ def cutouts_of(
     widths, heights = sides_of([picture.pixels for picture in pictures])
     left = np.array([picture.left for picture in pictures], np.int32)
     half = np.maximum(np.maximum(left, widths - left), 1)
-    files = kept_once(pictures)
+    files = as_in_file(pictures)
     own = {id(pixels): pixels for pixels in files}
     column, opaque = pack_opaque([pixels >= 0 for pixels in own.values()])
     places = dict(zip(own, column, strict=True))

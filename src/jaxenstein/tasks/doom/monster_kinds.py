@@ -61,10 +61,11 @@ def _walking(tics: int) -> tuple[MonsterFrame, ...]:
 
 
 def _pictures(
-    art: str, side: float, shape: RGB, detail: RGB, lift: float = 0
+    art: str, side: float, shape: RGB, detail: RGB, lift: float = 0, dead: str = "body"
 ) -> tuple[Picture, ...]:
-    """The pictures of a monster, one per pose."""
-    return tuple(Picture(f"{art}-{pose.name.lower()}", side, shape, detail, lift) for pose in Pose)
+    """The pictures of a monster, one per pose (`Pose`)."""
+    names = (f"{art}-one", f"{art}-two", f"{art}-aim", dead)
+    return tuple(Picture(name, side, shape, detail, lift) for name in names)
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ DEMON = MonsterKind(
     "demon",
     "Demon",
     things.DEMON.label,
-    _pictures("demon", 60, (161, 68, 68), (236, 206, 190), -3.4),
+    _pictures("demon", 60, (161, 68, 68), (236, 206, 190), -3.4, "demon-dead"),
     health=150,
     half_width=30,
     speed=10,

@@ -17,7 +17,7 @@ from ...engine.motion import length
 from ...engine.shade import ImageKind
 from ...environment import Info
 from ...params import Params, Scalar
-from .collision import LATTICE, REACH, Geometry, load_geometry
+from .collision import CELL_BITS, LATTICE, REACH, Geometry, load_geometry
 from .fixed import ONE
 from .game_look import gilded
 from .items import Goal
@@ -232,7 +232,7 @@ def _is_straight(geometry: Geometry, start: tuple[int, int], end: tuple[int, int
     a, b = (np.array(node) * LATTICE * ONE for node in (start, end))
     count = max(2, int(np.abs(b - a).max() / (_SAMPLE * ONE)) + 1)
     places = (a + (b - a) * np.linspace(0, 1, count)[:, None]).astype(np.int64)
-    cell = places >> 20
-    on_edge = (places & ((1 << 20) - 1)) == 0
+    cell = places >> CELL_BITS
+    on_edge = (places & ((1 << CELL_BITS) - 1)) == 0
     codes = geometry.cells[cell[:, 0], cell[:, 1]]
     return not (codes >> (on_edge[:, 0] + 2 * on_edge[:, 1]) & 1).any()

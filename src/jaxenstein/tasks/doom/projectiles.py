@@ -64,15 +64,6 @@ class Projectiles(PyTreeNode):
     age: jax.Array | None = None
 
 
-def no_projectiles(count: int, aged: bool = False) -> Projectiles:
-    """No projectiles, with room for `count`, and with their age or without."""
-    pairs = jnp.zeros((count, 2), jnp.int32)
-    nothing = jnp.zeros(count, jnp.int32)
-    flies = jnp.zeros(count, bool)
-    age = nothing if aged else None
-    return Projectiles(pairs, pairs, flies, nothing, nothing, jnp.int32(0), age)
-
-
 def throw(
     projectiles: Projectiles,
     throws: jax.Array,
@@ -108,44 +99,6 @@ def throw(
         next=(projectiles.next + jnp.sum(throws, dtype=jnp.int32)) % count,
         age=None if projectiles.age is None else put(projectiles.age, jnp.zeros_like(slot)),
     )
-
-
-def fly(
-    projectiles: Projectiles,
-    half_width: int,
-    bodies: tuple[jax.Array, np.ndarray, jax.Array],
-    walls: np.ndarray,
-    checks: int = 3,
-) -> tuple[Projectiles, jax.Array]:
-    """The projectiles after a tic; bool[M, N], the body that each has just hit.
-
-    Args:
-        projectiles: the projectiles before the tic.
-        half_width: half-width of each, in map units.
-        bodies: as in `Missiles.fly`.
-        walls: as in `Missiles.fly`.
-        checks: as in `Missiles`.
-    """
-    part = np.arange(1, checks + 1, dtype=np.int32)[:, None]
-    way = [at[None] + _quotient(by[None] * part, checks) for at, by in _pairs(projectiles)]
-    found = _met(way, half_width, bodies, projectiles.owner)
-    size = np.full((1, 1), half_width, np.float32)
-    ends = (found < len(bodies[1])) | crosses(jnp.stack(way, axis=-1), size, walls)
-    stops = projectiles.flies & jnp.any(ends, axis=0)
-    last = found[-1], way[0][-1], way[1][-1]
-    for k in reversed(range(checks - 1)):
-        values = found[k], way[0][k], way[1][k]
-        last = [jnp.where(ends[k], value, later) for value, later in zip(values, last, strict=True)]
-    index = np.arange(len(bodies[1]), dtype=np.int32)[None]
-    hits = stops[:, None] & (last[0][:, None] == index)
-    place = jnp.stack(last[1:], axis=-1)
-    after = projectiles.replace(
-        position=jnp.where(projectiles.flies[:, None], place, projectiles.position),
-        flies=projectiles.flies & ~stops,
-        bursts=jnp.where(stops, _BURST, jnp.maximum(projectiles.bursts - 1, 0)),
-        age=None if projectiles.age is None else projectiles.age + 1,
-    )
-    return after, hits
 
 
 def _pairs(projectiles: Projectiles) -> list[tuple[jax.Array, jax.Array]]:
@@ -206,8 +159,12 @@ class Missiles(Part):
         self.count, self.half_width, self.checks = count, half_width, checks
 
     def none(self) -> Projectiles:
-        """No projectiles."""
-        return no_projectiles(self.count, self.frames is not None)
+        """No projectiles; with `look="game"`, they have an age."""
+        pairs = jnp.zeros((self.count, 2), jnp.int32)
+        nothing = jnp.zeros(self.count, jnp.int32)
+        flies = jnp.zeros(self.count, bool)
+        age = None if self.frames is None else nothing
+        return Projectiles(pairs, pairs, flies, nothing, nothing, jnp.int32(0), age)
 
     @property
     def looks(self) -> tuple[Look, ...]:
@@ -255,7 +212,27 @@ class Missiles(Part):
                 are met at once, the first is hit.
             walls: float32[L, 4], from `collision.segments`.
         """
-        return fly(projectiles, self.half_width, bodies, walls, self.checks)
+        checks = self.checks
+        part = np.arange(1, checks + 1, dtype=np.int32)[:, None]
+        way = [at[None] + _quotient(by[None] * part, checks) for at, by in _pairs(projectiles)]
+        found = _met(way, self.half_width, bodies, projectiles.owner)
+        size = np.full((1, 1), self.half_width, np.float32)
+        ends = (found < len(bodies[1])) | crosses(jnp.stack(way, axis=-1), size, walls)
+        stops = projectiles.flies & jnp.any(ends, axis=0)
+        last = found[-1], way[0][-1], way[1][-1]
+        for k in reversed(range(checks - 1)):
+            here = zip((found[k], way[0][k], way[1][k]), last, strict=True)
+            last = tuple(jnp.where(ends[k], value, later) for value, later in here)
+        index = np.arange(len(bodies[1]), dtype=np.int32)[None]
+        hits = stops[:, None] & (last[0][:, None] == index)
+        place = jnp.stack(last[1:], axis=-1)
+        after = projectiles.replace(
+            position=jnp.where(projectiles.flies[:, None], place, projectiles.position),
+            flies=projectiles.flies & ~stops,
+            bursts=jnp.where(stops, _BURST, jnp.maximum(projectiles.bursts - 1, 0)),
+            age=None if projectiles.age is None else projectiles.age + 1,
+        )
+        return after, hits
 
 
 def fireballs(count: int, pictured: bool = False, knights: bool = False) -> Missiles:

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...engine.art import SIZE
+from ...engine.art import SIZE, planes_of
 from ...engine.art.patterns import wall_patterns
 from ...engine.level import Level
 from ...engine.scene import Scene, Theme
@@ -186,8 +186,7 @@ def _noise(draw: np.random.Generator) -> np.ndarray:
 def _masonry(draw: np.random.Generator) -> np.ndarray:
     """One of the engine's patterns of walls, in twice its size."""
     words = wall_patterns()[draw.integers(len(wall_patterns())), 0]
-    bits = words[None] >> np.arange(SIZE, dtype=np.uint32)[::-1][:, None] & np.uint32(1)
-    return np.kron(bits, np.ones((SIDE // SIZE,) * 2)).astype(bool)
+    return np.kron(planes_of(words), np.ones((SIDE // SIZE,) * 2)).astype(bool)
 
 
 def _bricks(draw: np.random.Generator) -> np.ndarray:

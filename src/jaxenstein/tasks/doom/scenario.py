@@ -21,8 +21,8 @@ from ...environment import Info, Params
 from ...fields import choice, number, of_form
 from ...maps.tilemap import TileMap
 from ...spaces import Box
-from ..first_person import FirstPerson
 from ..hud import strip_rows
+from ..navigation import FixedMap
 from .arsenal import Arsenal
 from .collision import Geometry, load_geometry
 from .game_look import GAME_FOCAL_SHARE, screen_of
@@ -54,7 +54,7 @@ P = TypeVar("P", bound=Params)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DoomScenario(FirstPerson[S, P]):
+class DoomScenario(FixedMap[S, P]):
     """A scenario: a player's body on a map, and parts. A step is a tic, 1/35 of a second.
 
     A scenario defines its parts (`parts`), how an episode starts (`init_state`) and what happens
@@ -92,6 +92,7 @@ class DoomScenario(FirstPerson[S, P]):
     hud: bool = False
     show_weapon: bool = False
 
+    survival: ClassVar[bool] = True
     button_names: ClassVar[tuple[str, ...]]
     # Map units per tile.
     unit: ClassVar[int] = 32
@@ -192,7 +193,7 @@ class DoomScenario(FirstPerson[S, P]):
         return tiled(self.doom_map, self.unit)
 
     @functools.cached_property
-    def tilemap(self) -> TileMap:
+    def tilemap(self) -> TileMap:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The map as tiles with labels, for people and the renderer."""
         return labelled_tiles(self.name, self.tiles, self.starts, self.goals)
 
@@ -210,16 +211,6 @@ class DoomScenario(FirstPerson[S, P]):
     def goals(self) -> np.ndarray:
         """float[n, 2]: the goals in map units."""
         return np.zeros((0, 2))
-
-    @functools.cached_property
-    def map_size(self) -> tuple[int, int]:
-        """(columns, rows) of the map in tiles."""
-        return self.tilemap.columns, self.tilemap.rows
-
-    def tilemap_of(self, state: S) -> TileMap:
-        """The map."""
-        del state
-        return self.tilemap
 
     @functools.cached_property
     def level(self) -> Level:
@@ -334,14 +325,6 @@ class DoomScenario(FirstPerson[S, P]):
         """The spaces of the variables."""
         kind = np.dtype(np.float32)
         return {name: Box(0.0, float(most), (1,), kind) for name, most in self.limits.items()}
-
-    def succeeded(
-        self, state: S, reward: jax.Array, terminated: jax.Array, events: Info, params: P
-    ) -> jax.Array:
-        """Whether the success event happened or, without one, the time limit was reached."""
-        if self.success_event:
-            return super().succeeded(state, reward, terminated, events, params)
-        return state.done & ~terminated
 
     def lift(self, state: S) -> jax.Array | None:
         """float32[]: how many tiles the eye is above its usual height; None if that is fixed."""

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...engine.art import SIZE, load_art
+from ...engine.art import SIZE, load_art, planes_of
 from ...engine.scene import Theme
 from ...engine.shade import ImageKind, Light, by_side, luma, pack_rgb
 from ...maps.symbols import LABEL_COLOURS, SYMBOLS
@@ -258,9 +258,8 @@ def _stamps(
 def _piled(layers: tuple[Layer, ...]) -> tuple[np.ndarray, np.ndarray]:
     """bool[32, 32], where any of the pictures is; uint8[32, 32, 3], the topmost colours."""
     there, image = np.zeros((SIZE, SIZE), bool), np.zeros((SIZE, SIZE, 3), np.uint8)
-    bits = np.arange(SIZE, dtype=np.uint32)[::-1]
     for art, colours in layers:
-        shape, detail = (load_art(art)[:, None] >> bits[None, :, None] & 1).astype(bool)
+        shape, detail = planes_of(load_art(art))
         there |= shape
         for plane, colour in zip((shape, detail), colours, strict=True):
             image[plane] = colour

@@ -1,4 +1,4 @@
-"""Weapons of the player: when a shot is fired, what it does, and how the player changes weapons.
+"""Weapons of the player: when a shot is fired, and what it does.
 
 Numbers are those of the game's own tables (ViZDoom 1.3.2, wadsrc/static/actors/doom). ATTACK is
 checked while the weapon is ready, and once more after a shot, when a held trigger fires again. The

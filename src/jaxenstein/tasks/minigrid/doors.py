@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...maps.things import BLUE, GREEN, GREY, RED, YELLOW
 from ...params import number
 from ..draws import sample_index
 from ..key_corridor import corridor_sketch
@@ -16,8 +17,6 @@ from ..steering import INTERACT
 from .sketch import COLOURS, DOWN, LEFT, RIGHT, UP, RoomSketch, Sketch
 from .state import BALL_KIND, BOX_KIND, GOAL_KIND, KEY_KIND, GridState, Step, Subgoal
 from .world import GridWorld, PickUpWorld
-
-RED, GREEN, BLUE, YELLOW, GREY = 0, 1, 2, 4, 5
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...fields import check_whole
+from ...maps.things import GREEN
 from ...params import number
+from ...players.walking import mask_of
 from ..steering import INTERACT
 from .sketch import COLOURS, Sketch
 from .state import (
@@ -212,9 +214,7 @@ class PutNear(GridWorld):
         tile = jnp.sum(jnp.where(other[:, None], state.things.tile, 0), axis=0, dtype=jnp.int32)
         shape = state.level.walls.shape[-2:]
         taken = self.tiles_of(state, state.things.lying) | (jnp.asarray(state.level.walls)[0] != 0)
-        column, row = state.cell
-        own = jnp.zeros(shape, bool).at[row, column].set(True)
-        spots = around(tile, shape) & ~taken & ~own
+        spots = around(tile, shape) & ~taken & ~mask_of(state.cell, shape)
         tiles = jnp.where(held, spots, self.tiles_of(state, moved))
         return Subgoal(tiles, jnp.where(held, DROP, PICK_UP).astype(jnp.int32))
 
@@ -248,7 +248,7 @@ class Memory(GridWorld):
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample the first thing, the sides of the other two, the hall's length and the start."""
-        size, middle, green = self.size, self.size // 2, 1
+        size, middle = self.size, self.size // 2
         sketch = Sketch(key, size, size)
         end = sketch.number(4, size - 2) if self.random_length else jnp.int32(size - 3)
         for row, side in ((middle - 2, middle - 1), (middle + 2, middle + 1)):
@@ -258,9 +258,9 @@ class Memory(GridWorld):
         sketch.wall(crossing & ~sketch.tile(end, middle))
         sketch.start((sketch.number(1, end + 1), middle))
         first, upper = (sketch.number(KEY_KIND, BALL_KIND + 1) for _ in range(2))
-        sketch.thing(first, green, (1, middle - 1))
-        sketch.thing(upper, green, (end + 1, middle - 2))
-        sketch.thing(BALL_KIND - upper, green, (end + 1, middle + 2))
+        sketch.thing(first, GREEN, (1, middle - 1))
+        sketch.thing(upper, GREEN, (end + 1, middle - 2))
+        sketch.thing(BALL_KIND - upper, GREEN, (end + 1, middle + 2))
         return sketch.state()
 
     def ends(self, state: GridState) -> tuple[jax.Array, jax.Array]:
@@ -278,6 +278,5 @@ class Memory(GridWorld):
 
     def subgoal(self, state: GridState) -> Subgoal:
         """The tile in front of the matching thing."""
-        column, row = self.ends(state)[0]
-        tiles = jnp.zeros(state.level.walls.shape[-2:], bool).at[row, column].set(True)
+        tiles = mask_of(self.ends(state)[0], state.level.walls.shape[-2:])
         return Subgoal(tiles, jnp.int32(NOWHERE))

@@ -12,7 +12,9 @@ import numpy as np
 from ...engine.motion import forward, touched_door
 from ...environment import Scalar
 from ...fields import check_whole, choice
+from ...maps.things import BLUE
 from ...params import number
+from ...players.walking import mask_of
 from ..draws import sample_index
 from ..steering import BACKWARD, FORWARD
 from .sketch import Sketch
@@ -23,13 +25,10 @@ from .state import (
     GridState,
     Step,
     around,
-    mask_of,
     place_of,
     solid_level,
 )
 from .world import GridParams, GridWorld
-
-BLUE = 2
 
 Obstacle = Literal["wall", "lava"]
 
@@ -253,11 +252,11 @@ class DynamicObstacles(Empty):
         count = things.kind.shape[0]
         period = jnp.asarray(cast(WandererParams, params).wander_period)
         due = (state.time + 1) % jnp.maximum(period, 1) == 0
-        own = mask_of(state.cell[None], jnp.ones(1, bool), walls.shape)
+        own = mask_of(state.cell, walls.shape)
 
         def move(tiles: jax.Array, turn: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, None]:
             index, bits = turn
-            taken = walls | own | mask_of(tiles, jnp.ones(count, bool), walls.shape)
+            taken = walls | own | mask_of(tiles, walls.shape)
             free = around(tiles[index], walls.shape) & ~taken
             count_free = jnp.sum(free, dtype=jnp.int32)
             place = place_of(free, sample_index(bits, count_free))

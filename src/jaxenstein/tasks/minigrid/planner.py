@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from ..._jax.batching import select, varying
 from ...about import Choose, Player
 from ...engine.motion import forward, touched_door
-from ...players.walking import FAR, Movement, flood, movement_of, walk_down
+from ...players.walking import FAR, Movement, flood, mask_of, movement_of, walk_down
 from ..steering import FORWARD, INTERACT, TURN_LEFT
 from .state import (
     BOX_KIND,
@@ -30,7 +30,6 @@ from .state import (
     GridState,
     Subgoal,
     beside,
-    mask_of,
     solid_level,
 )
 
@@ -126,13 +125,13 @@ def _survey(state: GridState, *, hands: bool) -> Walkable:
     fits = jnp.any(key[None] & (things.colour[None] == state.doors.colour[:, None]), axis=1)
     # An absent door is on the map's corner.
     real = jnp.any(doors != 0, axis=-1)
-    lava = mask_of(things.tile, things.lying & things.of(LAVA_KIND), shape)
-    blocked = mask_of(things.tile, things.blocking, shape) | lava
+    lava = mask_of(things.tile, shape, things.lying & things.of(LAVA_KIND))
+    blocked = mask_of(things.tile, shape, things.blocking) | lava
     locked = state.doors.locked & ~state.doors.opened
-    without = ~walls | mask_of(doors, real & ~locked, shape)
-    with_key = without | mask_of(doors, real & fits, shape)
-    every = ~walls | mask_of(doors, real, shape)
-    own = mask_of(state.cell[None], jnp.ones(1, bool), shape)
+    without = ~walls | mask_of(doors, shape, real & ~locked)
+    with_key = without | mask_of(doors, shape, real & fits)
+    every = ~walls | mask_of(doors, shape, real)
+    own = mask_of(state.cell, shape)
     free = with_key & ~blocked
     reached = flood(free | own, own) < FAR
     return Walkable(without & ~blocked, free, every & ~(lava if hands else blocked), reached, own)
@@ -145,7 +144,7 @@ def _reachable(state: GridState, floor: Walkable, subgoal: Subgoal) -> Subgoal:
     edge = floor.any & ~floor.free & beside(floor.reached)
     # Being near a locked door is not enough, even if the door is the target.
     near = floor.reached | beside(floor.reached)
-    near = near & ~(mask_of(doors, state.doors.locked, shape) & ~floor.free)
+    near = near & ~(mask_of(doors, shape, state.doors.locked) & ~floor.free)
 
     def blocked(carry: tuple[Subgoal, jax.Array]) -> jax.Array:
         subgoal, depth = carry
@@ -171,7 +170,7 @@ def _keys(state: GridState, colour: jax.Array) -> jax.Array:
     hidden = wanted & (things.place == BOXED)
     number = jnp.arange(things.box.shape[0], dtype=jnp.int32)
     boxes = jnp.any((things.box[None] == number[:, None]) & hidden[None], axis=1)
-    return mask_of(things.tile, (wanted | boxes) & things.lying, shape)
+    return mask_of(things.tile, shape, (wanted | boxes) & things.lying)
 
 
 def _lay_down(state: GridState, floor: Walkable, top: Subgoal, subgoal: Subgoal) -> Subgoal:
@@ -186,8 +185,8 @@ def _lay_down(state: GridState, floor: Walkable, top: Subgoal, subgoal: Subgoal)
     without = flood(floor.open | floor.own, floor.own) < FAR
     at_once = jnp.any(subgoal.tiles & (without | beside(without)))
     full = jnp.any(things.held) & (subgoal.action == PICK_UP) & at_once
-    every = mask_of(doors, jnp.ones(doors.shape[0], bool), shape)
-    litter = mask_of(things.tile, things.lying, shape)
+    every = mask_of(doors, shape)
+    litter = mask_of(things.tile, shape, things.lying)
     spots = floor.open & ~every & ~litter & ~floor.own & (without | beside(without))
     there = flood(floor.any | top.tiles, top.tiles)
     here = flood(floor.any | floor.own, floor.own)

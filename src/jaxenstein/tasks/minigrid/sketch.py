@@ -15,8 +15,9 @@ import numpy as np
 from ...engine.level import level_from_walls
 from ...maps.symbols import DEFAULT_WALL, door_label
 from ...maps.things import COLOUR_NAMES
+from ...players.walking import mask_of
 from ..draws import sample_index
-from .state import BOXED, GONE, LYING, Doors, GridState, Things, mask_of, place_of
+from .state import BOXED, GONE, LYING, Doors, GridState, Things, place_of
 
 COLOURS = len(COLOUR_NAMES)
 Number = int | jax.Array
@@ -107,7 +108,7 @@ class Sketch:
     def start_tile(self) -> jax.Array:
         """bool[rows, columns], the tile where the agent starts."""
         assert self._start is not None, "the world has no start yet"
-        return mask_of(self._start[0][None], jnp.ones(1, bool), self.walls.shape)
+        return mask_of(self._start[0], self.walls.shape)
 
     # Placing things.
 
@@ -130,7 +131,7 @@ class Sketch:
 
     def doors(self, tiles: jax.Array, colours: jax.Array, locked: jax.Array) -> Self:
         """Put doors int32[D, 2] into walls, with int32[D] colours and bool[D] locks."""
-        here = mask_of(tiles, jnp.ones(len(tiles), bool), self.walls.shape)
+        here = mask_of(tiles, self.walls.shape)
         self.walls, self.taken = self.walls & ~here, self.taken | here
         self._doors.append((tiles, colours, locked))
         return self
@@ -142,7 +143,7 @@ class Sketch:
     def thing(self, kind: Number, colour: Number, tile: Tile) -> int:
         """Put a thing on a tile; returns its number."""
         spot = _tile(tile)
-        self.taken = self.taken | mask_of(spot[None], jnp.ones(1, bool), self.walls.shape)
+        self.taken = self.taken | mask_of(spot, self.walls.shape)
         return self._add(kind, colour, spot[None], LYING)
 
     def spread(self, kind: int, colour: Number, mask: jax.Array, most: int) -> int:

@@ -148,13 +148,6 @@ def solid_level(state: GridState, *, also: jax.Array | None = None) -> tuple[Lev
     return state.level.replace(doors=doors), jnp.concatenate([~state.doors.opened, blocking])
 
 
-def mask_of(tiles: jax.Array, which: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-    """bool[rows, columns] of `shape`, those tiles int32[K, 2] for which bool[K] is true."""
-    row, column = np.indices(shape, np.int32)
-    here = (column[None] == tiles[:, 0, None, None]) & (row[None] == tiles[:, 1, None, None])
-    return jnp.any(here & which[:, None, None], axis=0)
-
-
 def things_map(things: Things, shape: tuple[int, ...]) -> jax.Array:
     """int32[rows, columns] of `shape`: kind and colour of the thing on each tile and in its box.
 

@@ -21,6 +21,7 @@ from ...engine.scene import Scene, Theme
 from ...environment import Info, Scalar
 from ...maps.things import COLOUR_NAMES
 from ...params import number
+from ...players.walking import mask_of
 from ...spaces import Box
 from ..first_person import GeneratedTask
 from ..steering import ACTION_NAMES, SteeringParams, steer
@@ -39,7 +40,6 @@ from .state import (
     Subgoal,
     beside,
     handle,
-    mask_of,
     solid_level,
     things_map,
     tile_in_front,
@@ -155,12 +155,16 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
         burnt = jnp.any(state.things.at(state.cell) & state.things.of(LAVA_KIND))
         solved, failed = solved & ~burnt, (failed | burnt) & ~(solved & ~burnt)
         state = self.drift(key, state, params)
-        limit = jnp.asarray(params.max_steps_in_episode, jnp.float32)
-        lost = params.time_cost * (state.time + 1).astype(jnp.float32) / limit
-        reward = params.living_reward + jnp.where(solved, params.goal_reward * (1 - lost), 0)
+        reward = params.living_reward + jnp.where(solved, self.full_reward(state, params), 0)
         reward = reward + jnp.where(failed, params.fail_reward, 0)
         events = {"solved": solved, "failed": failed, **_events(before, state)}
         return state, reward, solved | failed, events
+
+    def full_reward(self, state: GridState, params: GridParams) -> jax.Array:
+        """float32[]: `goal_reward` less its `time_cost`, for the step after a state."""
+        limit = jnp.asarray(params.max_steps_in_episode, jnp.float32)
+        lost = params.time_cost * (state.time + 1).astype(jnp.float32) / limit
+        return params.goal_reward * (1 - lost)
 
     def drift(self, key: jax.Array, state: GridState, params: GridParams) -> GridState:
         """Move what moves by itself; by default nothing does."""
@@ -257,11 +261,11 @@ class GridWorld(GeneratedTask[GridState, GridParams]):
     def tiles_of(self, state: GridState, which: jax.Array) -> jax.Array:
         """bool[rows, columns], the tiles of those of bool[N] things that are on tiles."""
         shape = state.level.walls.shape[-2:]
-        return mask_of(state.things.tile, which & state.things.lying, shape)
+        return mask_of(state.things.tile, shape, which & state.things.lying)
 
     def door_tiles(self, state: GridState, which: jax.Array) -> jax.Array:
         """bool[rows, columns], the tiles of bool[D] doors."""
-        return mask_of(jnp.asarray(state.level.doors), which, state.level.walls.shape[-2:])
+        return mask_of(jnp.asarray(state.level.doors), state.level.walls.shape[-2:], which)
 
     def stands_beside(self, state: GridState, tiles: jax.Array) -> jax.Array:
         """bool[]: whether the agent's tile shares an edge with one of bool[rows, columns]."""

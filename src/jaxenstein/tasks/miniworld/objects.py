@@ -18,9 +18,9 @@ from ...about import About, Choose, Player
 from ...engine.scene import Scene, Theme
 from ...environment import Info
 from ...fields import check_whole
-from ...maps.things import COLOUR_NAMES
+from ...maps.things import RED, YELLOW
 from ...params import number
-from ...players.walking import FAR, Movement, towards, walk_down
+from ...players.walking import FAR, Movement, mask_of, towards, walk_down
 from ..minigrid.planner import planner
 from ..minigrid.sketch import COLOURS, Sketch
 from ..minigrid.state import (
@@ -39,7 +39,6 @@ from ..minigrid.world import GridParams, GridWorld
 from ..steering import ACTION_NAMES, sample_heading
 from .rooms import ASPHALT, CEILING, FLOOR, SKY
 
-RED, YELLOW = (COLOUR_NAMES.index(name) for name in ("red", "yellow"))
 # Tiles from a path to the centres of solid tiles: half a tile's diagonal and a little.
 _KEPT_OFF = 0.8
 # How many turns a heading may be off.
@@ -196,7 +195,8 @@ class PickupObjects(ThingsRoom):
         held = state.things.held
         place = jnp.where(held, GONE, state.things.place)
         state = state.replace(things=state.things.replace(place=place))
-        paid = params.goal_reward * jnp.sum(held, dtype=jnp.int32).astype(jnp.float32)
+        count = jnp.sum(held, dtype=jnp.int32).astype(jnp.float32)
+        paid = self.full_reward(state, params) * count
         return state, params.living_reward + paid, over, events
 
     def about(self) -> About:
@@ -239,8 +239,7 @@ class PutNext(ThingsRoom):
         If there is no room beside one of them, that is the one to pick up.
         """
         taken = self.tiles_of(state, state.things.lying) | (jnp.asarray(state.level.walls)[0] != 0)
-        column, row = state.cell
-        own = jnp.zeros(taken.shape, bool).at[row, column].set(True)
+        own = mask_of(state.cell, taken.shape)
         boxes = [self._box(state, colour) for colour in (RED, YELLOW)]
         spots = [beside(box) & ~taken & ~own for box in boxes]
         shut = [~jnp.any(beside(box) & ~taken) for box in boxes]

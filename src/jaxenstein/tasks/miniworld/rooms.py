@@ -21,7 +21,7 @@ from ...maps.symbols import DEFAULT_WALL, LABEL_NAMES
 from ...maps.things import BOX, CONE, RGB
 from ...maps.tilemap import TileMap
 from ...params import number
-from ...players.walking import flood
+from ...players.walking import flood, mask_of
 from ..appearance import build_theme
 from ..draws import sample_unit
 from ..goals import GoalTask, NavigationParams, add_sprites
@@ -124,9 +124,8 @@ class ReachBox(GoalTask[S]):
         """int32[rows, columns]: walking distance in tiles to the box."""
         level = self.level_of(state)
         walls = jnp.asarray(level.walls)[0] != 0
-        row, column = np.indices(walls.shape, np.int32)
         cell = jnp.floor(state.goal).astype(jnp.int32)
-        return flood(~walls & self._allowed(walls.shape), (column == cell[0]) & (row == cell[1]))
+        return flood(~walls & self._allowed(walls.shape), mask_of(cell, walls.shape))
 
     def _allowed(self, shape: tuple[int, ...]) -> np.ndarray:
         """bool[rows, columns], the tiles on which a player may walk."""

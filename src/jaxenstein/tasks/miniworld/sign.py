@@ -20,7 +20,7 @@ from ...engine.level import Level
 from ...engine.motion import forward, walk
 from ...environment import Info, Scalar
 from ...maps.symbols import LABEL_NAMES
-from ...maps.things import COLOUR_NAMES
+from ...maps.things import COLOUR_NAMES, GREY
 from ...params import number
 from ...players.walking import SHORTEST_PATH, Movement, flood, movement_of, shortest_path
 from ..draws import sample_unit
@@ -45,7 +45,6 @@ _TILES = {
     BOX_KIND: ((10, 1), (10, 5), (1, 1)),
     KEY_KIND: ((1, 5), (1, 10), (5, 1)),
 }
-_GREY = COLOUR_NAMES.index("grey")
 # The sign on the eastern wall, and the labels of its colours.
 _COLUMN, _ROWS = 11, slice(10, 13)
 _SIGNS = np.array([LABEL_NAMES.index(f"{name} wall") for name in _COLOURS], np.int32)
@@ -226,7 +225,7 @@ class Sign(ThingsRoom):
         kind = jnp.where(sketch.number(0, 2) == 0, BOX_KIND, KEY_KIND)
         sign = jnp.asarray(_SIGNS)[sketch.number(0, len(_SIGNS))].astype(jnp.uint8)
         # The instruction does not tell the colour: it shows the requested kind in grey.
-        state = sketch.start((5, 5)).state(asked=(kind, _GREY))
+        state = sketch.start((5, 5)).state(asked=(kind, GREY))
         walls = jnp.asarray(state.level.walls).at[:, _ROWS, _COLUMN].set(sign)
         bits = sketch.bits(3)
         return state.replace(

@@ -1,0 +1,1 @@
+"""The renderer: levels, rays, walls, sprites and textures. It knows no task."""
