@@ -23,7 +23,7 @@ from jaxenstein.adapters.vizdoom_state import turns_of
 from jaxenstein.tasks.doom.fixed import ONE, to_fixed
 from jaxenstein.tasks.doom.game_weapon import WEAPON_LOOKS
 from jaxenstein.tasks.doom.maps import load_map, rasterise
-from jaxenstein.tasks.doom.wad import Picture, Wad
+from jaxenstein.tasks.doom.wad import Wad, WadPicture
 from jaxenstein.tasks.doom.weapons import SLOTS
 from tests.reference.doom import cosine, sine, times
 from tests.reference.doom_picture import Pose, Renderer
@@ -273,7 +273,7 @@ def drawn(renderer: Renderer, pictures: Wad, view: View) -> np.ndarray:
 
 
 @functools.cache
-def picture(pictures: Wad, sprite: str, frame: str, side: int) -> Picture:
+def picture(pictures: Wad, sprite: str, frame: str, side: int) -> WadPicture:
     """A picture of a sprite; marines get their own colour."""
     found = pictures.sprite(sprite[:4], frame)[side]
     if sprite != "PLAY":

@@ -83,7 +83,7 @@ def test_other_versions_and_processors_share_nothing(
             apart = Programs()
             assert names(apart.own) == names(apart.shared) == set()
             apart.close()
-    monkeypatch.setattr("jaxenstein.machine.cpu_fact", lambda *names: "another")
+    monkeypatch.setattr("jaxenstein.cli.compile_cache.cpu_fact", lambda *names: "another")
     apart = Programs()
     assert names(apart.own) == names(apart.shared) == set()
     apart.close()

@@ -9,17 +9,16 @@ import dataclasses
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .comparison import Compared, Reference, difference, gather, read_reference, run_scores
+from .environment import AnyEnvironment, Autoreset
 from .errors import SettingError, nearest, quoted
 from .fields import Domain, check_value
-
-if TYPE_CHECKING:
-    from .environment import AnyEnvironment, Autoreset
-    from .results import Results
-    from .scores import Estimate
-    from .spec import Spec
+from .results import Results
+from .scores import Estimate, aggregates
+from .settings import spec_from
+from .spec import Spec
 
 VERSION = 1
 """Increases when a task, a budget or a reference return changes; compare only equal versions."""
@@ -91,8 +90,6 @@ class Suite:
 
     def spec(self, task: Task, *, test: bool = False) -> Spec:
         """The spec of a task's environment; the arguments are those of `options`."""
-        from .settings import spec_from
-
         return spec_from(self.options(task, test=test))
 
 
@@ -314,8 +311,6 @@ def abilities(mine: Mapping[str, Results], *, seed: int = 0) -> dict[str, Estima
     Returns:
         By ability, in the order of `TASKS`, except abilities with a missing task.
     """
-    from .scores import aggregates
-
     parts: dict[str, list[str]] = {}
     for task in TASKS:
         parts.setdefault(task.ability, []).append(task.id)

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxenstein.cli import main
+from jaxenstein.cli import bench, main
 from jaxenstein.settings import spec_from
 from jaxenstein.spec import Spec
-from jaxenstein.speed import measuring
 from jaxenstein.speed.measuring import BenchmarkError, Settings, measure_in_process, summarise
 
 
@@ -34,7 +33,7 @@ def fake(settings: Settings) -> dict[str, object]:
 def test_table_and_json(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measuring, "measure_in_process", fake)
+    monkeypatch.setattr(bench, "measure_in_process", fake)
     path = tmp_path / "b.json"
     arguments = ["simple", "key-door", "--batch", "4,8", "--size", "20x10", "--json", str(path)]
     arguments += ["--frame-skip", "3"]
@@ -90,6 +89,6 @@ def test_failing_process_gives_a_one_line_error(
     def fail(settings: Settings) -> None:
         raise BenchmarkError("measuring failed: Killed")
 
-    monkeypatch.setattr(measuring, "measure_in_process", fail)
+    monkeypatch.setattr(bench, "measure_in_process", fail)
     assert main(["bench", "simple"]) == 1
     assert capsys.readouterr().err.splitlines()[-1] == "jaxenstein: measuring failed: Killed"

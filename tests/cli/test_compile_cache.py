@@ -139,5 +139,5 @@ def test_each_processor_type_has_its_own_folder(
 ) -> None:
     folder = compile_cache.programs_folder()
     assert folder == compile_cache.programs_folder()
-    monkeypatch.setattr("jaxenstein.machine.cpu_fact", lambda *names: "another")
+    monkeypatch.setattr("jaxenstein.cli.compile_cache.cpu_fact", lambda *names: "another")
     assert compile_cache.programs_folder() != folder

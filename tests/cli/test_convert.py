@@ -158,7 +158,7 @@ def test_minigrid(
         asked.append((id, seed))
         return Converted()
 
-    monkeypatch.setattr("jaxenstein.maps.importers.minigrid.convert_id", convert_id)
+    monkeypatch.setattr("jaxenstein.cli.convert.convert_id", convert_id)
     out = tmp_path / "small.txt"
     assert main(["convert", "--minigrid", "Small", "--seed", "3", "--out", str(out)]) == 0
     assert asked == [("Small", 3)]
@@ -175,7 +175,7 @@ def test_unusable_minigrid_is_refused(
     def convert_id(id: str, seed: int) -> Converted:
         raise SettingError("needs the package minigrid")
 
-    monkeypatch.setattr("jaxenstein.maps.importers.minigrid.convert_id", convert_id)
+    monkeypatch.setattr("jaxenstein.cli.convert.convert_id", convert_id)
     assert main(["convert", "--minigrid", "Small"]) == 2
     assert capsys.readouterr().err == "jaxenstein: needs the package minigrid\n"
 

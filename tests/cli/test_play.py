@@ -254,7 +254,7 @@ def test_game_in_the_terminal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     # Just as wide as 16 pixels of the shape 4:3, and as high as 12 with two lines of text.
     emulator = Emulator(16, 8)
     here = functools.partial(terminal_module.Terminal, emulator.slave, emulator.slave)
-    monkeypatch.setattr(terminal_module, "Terminal", here)
+    monkeypatch.setattr("jaxenstein.cli.play.Terminal", here)
     frames = reference([FORWARD, FORWARD, TURN_RIGHT])
     seen = []
 

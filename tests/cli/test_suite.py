@@ -176,7 +176,7 @@ def test_an_interrupted_evaluation_keeps_the_finished_tasks(
             raise KeyboardInterrupt
         return evaluate_player(env, *arguments)
 
-    monkeypatch.setattr("jaxenstein.evaluation.evaluate_player", play)
+    monkeypatch.setattr("jaxenstein.cli.suite.evaluate_player", play)
     words = ["evaluate", "--policy", "idle", "--suite", "--episodes", "2", "--json", "idle.json"]
     assert main(words) == 130
     assert "idle.json has 1 of 2 tasks" in capsys.readouterr().err
@@ -191,7 +191,7 @@ def test_policy_is_checked_on_all_tasks_first(
     def play(*_: object, **__: object) -> None:
         raise AssertionError("played")
 
-    monkeypatch.setattr("jaxenstein.evaluation.evaluate", play)
+    monkeypatch.setattr("jaxenstein.cli.suite.evaluate", play)
     Path("some_agent.py").write_text(
         "def agent(env, params):\n"
         "    return lambda obs, key: 0 if env.name == 't-maze' else 0.5, None\n"

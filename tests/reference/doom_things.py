@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from jaxenstein.tasks.doom.wad import Picture
+from jaxenstein.tasks.doom.wad import WadPicture
 
 from .doom import ONE, times
 
@@ -20,7 +20,7 @@ Blend = Literal["cover", "add", "mean"]
 class Thing:
     """A billboard: its picture, the position of its feet, and how it blends."""
 
-    picture: Picture
+    picture: WadPicture
     x: int
     y: int
     z: int
@@ -32,7 +32,7 @@ class Thing:
 class Weapon:
     """A picture in the player's hands, at a position on a screen of 320 by 200."""
 
-    picture: Picture
+    picture: WadPicture
     x: int = 0
     y: int = 32 * ONE + ONE * 3 // 8
     bright: bool = False
@@ -53,7 +53,7 @@ class Stamp:
         blend: how it blends with what is behind it.
     """
 
-    picture: Picture
+    picture: WadPicture
     x1: int
     x2: int
     along: int

@@ -1,6 +1,6 @@
 """The command line: `jaxenstein list | play | rollout | record | train | ...`.
 
-Importing this package is cheap: a command imports JAX only when it runs and needs it.
+A command imports an optional package only when it runs and needs it.
 """
 
 from __future__ import annotations

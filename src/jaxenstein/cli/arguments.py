@@ -11,6 +11,8 @@ from typing import Any, NoReturn
 
 from ..errors import nearest, quoted
 from ..fields import Domain, Option
+from ..settings import environment_options
+from ..suite import SUITES
 
 
 class UsageError(Exception):
@@ -189,8 +191,6 @@ def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
 
 def add_environment(parser: argparse.ArgumentParser, without: Sequence[str] = ()) -> None:
     """Add ID and the flags for all options of an environment."""
-    from ..settings import environment_options
-
     if "env" not in without:
         parser.add_argument(
             "id",
@@ -225,8 +225,6 @@ def add_seed(parser: argparse._ActionsContainer) -> None:
 
 def add_suite(parser: argparse._ActionsContainer, help: str) -> None:
     """Add --suite, with an optional value."""
-    from ..suite import SUITES
-
     parser.add_argument(
         "--suite",
         nargs="?",

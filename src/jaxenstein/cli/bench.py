@@ -6,16 +6,16 @@ import argparse
 import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..files import check_writable
+from ..machine import describe_machine
 from ..progress import Progress, si
+from ..spec import Spec
+from ..speed.measuring import Settings, measure_in_process
 from .arguments import Parser, UsageError, add_environment, add_seed, flag, size, whole
 from .listing import format_table
 from .opening import given_options, import_module_of, open_spec, write_json, written_anyway
-
-if TYPE_CHECKING:
-    from ..spec import Spec
 
 HELP = "measure steps per second, compile time and memory"
 DESCRIPTION = """\
@@ -66,9 +66,6 @@ def batches(text: str) -> list[int]:
 
 def run(options: argparse.Namespace) -> None:
     """Measure, print the table, write the JSON file."""
-    from ..machine import describe_machine
-    from ..speed.measuring import Settings, measure_in_process
-
     _check_core(options.core)
     if options.json is not None:
         check_writable(options.json)

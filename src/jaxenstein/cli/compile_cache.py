@@ -10,6 +10,10 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import jax
+
+from ..machine import cpu_fact, cpu_model
+
 # Bytes of programs to keep; those used least recently are removed.
 LIMIT = 2**30
 # JAX's warning if it cannot read or write the program of a function.
@@ -33,8 +37,6 @@ def keep_programs() -> None:
         make_room(folder.parent)
     except (OSError, RuntimeError):  # RuntimeError: there is no home folder
         return
-    import jax
-
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     show = warnings.showwarning
@@ -65,8 +67,6 @@ def forget(warning: str) -> bool:
 
 def programs_folder() -> Path:
     """The folder for programs of this processor; JAX itself distinguishes versions."""
-    from ..machine import cpu_fact, cpu_model
-
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     # Machines that share a home folder must not run each other's programs.
     processor = f"{cpu_model()} {cpu_fact('flags', 'Features')}"

@@ -8,16 +8,16 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import MapWarning
 from ..files import atomic, check_apart, check_writable
+from ..maps.importers.dmlab import build_tilemap, read_maze
+from ..maps.importers.minigrid import convert_id
 from ..maps.map_files import beside, read_text
+from ..maps.reach import problems, summarised
+from ..maps.tilemap import TileMap
 from .arguments import Parser, UsageError, add_seed, flag
 from .opening import printing_warnings
-
-if TYPE_CHECKING:
-    from ..maps.tilemap import TileMap
 
 HELP = "convert maps of DeepMind Lab and MiniGrid to text"
 DESCRIPTION = """\
@@ -68,9 +68,6 @@ def run(options: argparse.Namespace) -> None:
 
 def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
     """The map of a .map file, and lines of summary."""
-    from ..maps.importers.dmlab import build_tilemap, read_maze
-    from ..maps.reach import problems, summarised
-
     maze = read_maze(read_text(options.file, "map"), options.file.stem, source=str(options.file))
     tilemap = build_tilemap(maze)
     for problem, (column, row) in summarised(problems(tilemap)):
@@ -82,8 +79,6 @@ def _convert_maze(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
 
 def _convert_minigrid(options: argparse.Namespace) -> tuple[TileMap, list[str]]:
     """The map of a MiniGrid environment, and lines of summary."""
-    from ..maps.importers.minigrid import convert_id
-
     found = convert_id(options.minigrid, options.seed)
     tilemap = found.tilemap
     things = {"key": len(tilemap.keys), "door": len(tilemap.doors)}

@@ -13,10 +13,15 @@ from typing import TYPE_CHECKING, Any
 from .. import suite
 from ..episodes.policies import Scripted
 from ..errors import quoted
+from ..evaluation import evaluate, evaluate_player
 from ..files import check_apart, check_writable
 from ..intervals import mean_interval
+from ..params import drawn
+from ..players import player_of
 from ..progress import Progress
-from ..results import check_text
+from ..results import Results, check_text, write_results
+from ..settings import changed, environment_options
+from ..tasks.first_person import GeneratedTask
 from ..view.episode import Pictures
 from ..view.recording import check_animation, save_animation
 from . import suite as suite_commands
@@ -49,7 +54,6 @@ from .record import play_shown
 
 if TYPE_CHECKING:
     from ..baselines.runs.trained import Trained
-    from ..results import Results
 
 HELP = "evaluate agents over many episodes"
 DESCRIPTION = f"""\
@@ -109,8 +113,6 @@ def fill(parser: Parser) -> None:
     parser.add_argument(
         "--in", dest="game", choices=["vizdoom"], help="also play in the original game"
     )
-    from ..settings import environment_options
-
     elsewhere = ("env", "map_file", "heading", "settings", "params")
     add_options(parser, {name: environment_options()[name] for name in elsewhere})
     shown = parser.add_argument_group("film of one episode")
@@ -192,8 +194,6 @@ def _suite(options: argparse.Namespace) -> None:
 
 
 def _write(path: Path, results: list[Results]) -> None:
-    from ..results import write_results
-
     write_results(path, results)
 
 
@@ -216,10 +216,6 @@ class Evaluated:
 
 def _own(options: argparse.Namespace) -> Evaluated:
     """Evaluate the user's own policy, or a scripted player."""
-    from ..evaluation import evaluate, evaluate_player
-    from ..params import drawn
-    from ..players import player_of
-
     given = named(given_options(options), "evaluate")
     env, params, where = open_environment(given, ranges=True)
     heading = f"{options.policy} in {where}: {options.episodes} episodes"
@@ -313,8 +309,6 @@ def _play(
 
 def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
     """The same networks in another environment, or with other settings and params."""
-    from ..settings import changed
-
     if not given:
         return trained
     before = trained.experiment
@@ -326,8 +320,6 @@ def _changed(trained: Trained, given: dict[str, Any]) -> Trained:
 
 def _split_of(env: Any) -> str:
     """A line that names the split of the levels; "" without a split."""
-    from ..tasks.first_person import GeneratedTask
-
     if not isinstance(env, GeneratedTask) or env.split is None:
         return ""
     other = "train" if env.split == "test" else "test"

@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import textwrap
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from .. import registry, suite
+from ..intervals import Interval
+from ..level_counts import level_counts
+from ..maps.map_files import SAMPLES, sample_map
+from ..maps.symbols import legend
+from ..params import Range
+from ..scores import Estimate
+from ..tasks.first_person import FirstPerson
 from .arguments import Parser, add_suite, flag
 from .opening import import_module_of
-
-if TYPE_CHECKING:
-    from ..intervals import Interval
-    from ..scores import Estimate
 
 HELP = "list environments, sample maps, pretrained agents and configs"
 DESCRIPTION = """\
@@ -57,13 +61,9 @@ def fill(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print the list."""
     if options.symbols:
-        from ..maps.symbols import legend
-
         print(legend())
         return
     if options.samples:
-        from ..maps.map_files import SAMPLES, sample_map
-
         maps = [f"samples/{name}: {about}\n{sample_map(name)}" for name, about in SAMPLES.items()]
         print("\n\n".join(maps))
         return
@@ -76,9 +76,6 @@ def run(options: argparse.Namespace) -> None:
     if options.configs:
         print(configurations())
         return
-    from .. import registry
-    from ..level_counts import level_counts
-
     for id in options.ids:
         import_module_of(id)
     found = dict(map(registry.find, options.ids or registry.environment_ids()))
@@ -113,7 +110,6 @@ def run(options: argparse.Namespace) -> None:
 
 def pretrained_agents() -> str:
     """A table of the pretrained agents and their scores."""
-    from ..params import Range
     from .opening import baselines
 
     trained = baselines("trained")
@@ -144,8 +140,6 @@ def pretrained_agents() -> str:
 
 def tasks_of(name: str) -> str:
     """A table of the tasks of a suite."""
-    from .. import suite
-
     chosen, reference = suite.suite_of(name), suite.references()
     rows = [("TASK", "VERSION", "ABILITY", "SKIP", "IMAGE", "SPLIT", "RANDOM", "EXPERT", "REASON")]
     for task in suite.TASKS:
@@ -193,8 +187,6 @@ def configurations() -> str:
 
 def extent(env: Any) -> str:
     """The size of an environment's map as columns x rows, marked if the map is generated."""
-    from ..tasks.first_person import FirstPerson
-
     if not isinstance(env, FirstPerson):
         return "-"
     columns, rows = env.map_size

@@ -13,7 +13,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from ..errors import (
     DivergenceWarning,
@@ -25,16 +25,17 @@ from ..errors import (
     quoted,
 )
 from ..files import atomic
+from ..maps.map_files import read_map
+from ..params import drawn, ranges_of
 from ..registry import import_fault
+from ..settings import changed, checked, merge, spec_from
+from ..spec import Spec
+from ..tasks.first_person import FirstPerson
 from .arguments import PREFIX, TABLES, Parser, UsageError, add_options, flag, plain_value
 from .compile_cache import forget
 
 IMPORT = "--import"
 """The flag that names a module with the user's own tasks or bonuses."""
-
-if TYPE_CHECKING:
-    from ..spec import Spec
-    from ..tasks.first_person import FirstPerson
 
 
 def given_options(options: argparse.Namespace) -> dict[str, Any]:
@@ -93,8 +94,6 @@ def open_spec(
     given: Mapping[str, Any], instead_of: Spec | None = None, *, ranges: bool = False
 ) -> tuple[Spec, str]:
     """The spec of the environment of `open_environment`, and its name for files."""
-    from ..settings import changed, spec_from
-
     named = len({"env", "map_file"} & set(given))
     if named == 2 or (named == 0 and instead_of is None):
         raise UsageError("jaxenstein: give either the ID of an environment or --map-file FILE")
@@ -115,8 +114,6 @@ def open_spec(
 
 def drawn_by(params: Any, seed: int) -> Any:
     """The params of one episode; prints the numbers that it draws from ranges."""
-    from ..params import drawn, ranges_of
-
     numbers = drawn(params, seed)
     for name, range in ranges_of(params).items():
         print(f"{name} {float(getattr(numbers, name)):.4g}, drawn from {range} by --seed {seed}")
@@ -204,8 +201,6 @@ def _tell(warning: str) -> None:
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
     """Replace the option `map_file`, a path relative to `folder`, by the texts of that file."""
-    from ..maps.map_files import read_map
-
     given = dict(given)
     if "map_file" in given:
         texts = read_map(Path(given.pop("map_file")), folder)
@@ -298,8 +293,6 @@ def check_effect(options: argparse.Namespace, algos: Sequence[str]) -> None:
 
 def given_training(options: argparse.Namespace) -> dict[str, Any]:
     """The options of the config file, overridden by the flags."""
-    from ..settings import checked, merge
-
     parsing = baselines("options")
     file: dict[str, Any] = {}
     if options.config is not None:

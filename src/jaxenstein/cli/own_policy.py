@@ -6,15 +6,13 @@ import contextlib
 import inspect
 import re
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from ..environment import AnyEnvironment
 from ..episodes.policies import Own
 from ..errors import nearest, quoted
 from .arguments import UsageError
 from .opening import import_modules
-
-if TYPE_CHECKING:
-    from ..environment import AnyEnvironment
 
 CONVENTION = """\
 MODULE:FUNCTION is your own function, in a module that Python can import from the current folder. It

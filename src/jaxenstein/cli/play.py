@@ -12,8 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..episodes.digests import trajectory_of
+from ..episodes.session import Session
 from ..interactive.display import DisplayError
+from ..interactive.game import AgentGame, Game, play, wait_for
+from ..interactive.terminal import Terminal
 from ..progress import Progress
+from ..spec import spec_of
+from ..tasks.first_person import FirstPerson
+from ..trajectory import check_trajectory
 from ..view.episode import Episode, Pictures
 from ..view.recording import check_animation, save_animation, scale_to
 from .arguments import (
@@ -32,11 +39,7 @@ from .own_policy import is_own, load_own
 from .record import load_agent, open_for
 
 if TYPE_CHECKING:
-    from ..episodes.session import Session
-    from ..interactive.game import Game
-    from ..interactive.terminal import Terminal
     from ..interactive.window import Window
-    from ..tasks.first_person import FirstPerson
 
 HELP = "play with the keyboard, or watch an agent"
 DESCRIPTION = """\
@@ -110,10 +113,6 @@ def run(options: argparse.Namespace) -> None:
     params = drawn_by(params, options.seed)
     if isinstance(options.policy, str):
         agent = load_own(options.policy, env, params)
-    from ..interactive.game import AgentGame, Game, play, wait_for
-    from ..spec import spec_of
-    from ..trajectory import check_trajectory
-
     if options.save is not None:
         check_trajectory(options.save)
         spec_of(env, params)
@@ -142,8 +141,6 @@ def _run_or_own(text: str) -> str | Path:
 
 
 def _open_terminal() -> Terminal:
-    from ..interactive.terminal import Terminal
-
     try:
         return Terminal()
     except DisplayError as error:
@@ -213,8 +210,6 @@ def _write(game: Game, options: argparse.Namespace, name: str) -> None:
 
 
 def _save(session: Session, path: Path) -> None:
-    from ..episodes.digests import trajectory_of
-
     trajectory_of(session).save(path)
     print(f"wrote {path}")
 

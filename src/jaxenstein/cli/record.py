@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..episodes.policies import GENERAL, Policy, Script, named_policy
+from ..episodes.recorder import play
+from ..episodes.session import Session
 from ..errors import quoted
 from ..files import check_writable
 from ..progress import Progress
+from ..spec import Spec, spec_of
+from ..tasks.first_person import FirstPerson
+from ..trajectory import check_trajectory
 from ..view.episode import SHEET_VIEWS, Episode, Pictures, save_sheet
 from ..view.recording import ANIMATIONS, check_animation, save_animation
 from .arguments import (
@@ -31,8 +36,6 @@ from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
     from ..baselines.runs.agents import TrainedPolicy
-    from ..spec import Spec
-    from ..tasks.first_person import FirstPerson
 
 HELP = "film one episode as a GIF or MP4, beside the map"
 DESCRIPTION = """\
@@ -108,9 +111,6 @@ def run(options: argparse.Namespace) -> None:
     check_pictures(options)
     if (options.out, options.sheet, options.save) == (None, None, None):
         raise UsageError("jaxenstein record: give at least one of --out, --sheet and --save")
-    from ..spec import spec_of
-    from ..trajectory import check_trajectory
-
     if options.save is not None:
         check_trajectory(options.save)
     spec = None if options.save is None else spec_of(env, params)
@@ -136,9 +136,6 @@ def play_shown(
     spec: Spec | None = None,
 ) -> Episode:
     """Play an episode of at most `steps` steps, with a progress line."""
-    from ..episodes.recorder import play
-    from ..episodes.session import Session
-
     with Progress(steps, "playing", compiles=True) as progress:
         session = Session(env, params, seed)
         episode = play(session, policy, steps, spec, notify=progress.update)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..episodes.recorder import replay
+from ..episodes.trajectory_file import load_trajectory
 from ..progress import Progress
 from .arguments import Parser
 from .record import add_pictures, check_pictures, save_pictures
@@ -34,9 +36,6 @@ def fill(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Replay the file, write the pictures, and print whether it is the same."""
     check_pictures(options)
-    from ..episodes.recorder import replay
-    from ..episodes.trajectory_file import load_trajectory
-
     trajectory = load_trajectory(options.file)
     steps = len(trajectory.actions)
     with Progress(steps, "playing", compiles=True) as progress:

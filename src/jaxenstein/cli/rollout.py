@@ -8,19 +8,19 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
+from ..environment import AnyEnvironment
 from ..files import check_writable, make_folder
 from ..progress import Progress, si
 from ..view.frames import image_of, picture
 from ..view.recording import evenly, mosaic, save_gif, save_png, scale_to
 from .arguments import Parser, add_environment, add_seed, flag, whole
 from .opening import given_options, open_environment
-
-if TYPE_CHECKING:
-    from ..environment import AnyEnvironment
 
 HELP = "run many environments with a random policy"
 DESCRIPTION = """\
@@ -128,8 +128,6 @@ def compile_rollout(
         latest images of the first `watched` environments. It is compiled once for all n, and
         reuses the memory of the old carry.
     """
-    import jax
-    import jax.numpy as jnp
 
     def step(_: Any, carry: Carry) -> Carry:
         key, policy_key, step_key = jax.random.split(carry["key"], 3)
@@ -184,8 +182,6 @@ def play(
         Images [watched, h, w, ...] at regular times from the reset on, or none without
         `with_frames`; and the results.
     """
-    import jax
-
     frames: list[np.ndarray] = []
     done, seconds = 0, 0.0
     chunk = -(-steps // GIF_FRAMES) if with_frames else 1

@@ -6,19 +6,26 @@ import argparse
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from .. import suite
+import numpy as np
+
+from .. import intervals, scores, suite
+from ..comparison import (
+    Compared,
+    Reference,
+    gather,
+    read_reference,
+    run_returns,
+    run_scores,
+    score_interval,
+)
 from ..files import check_apart, check_writable
+from ..intervals import mean_interval
+from ..scores import Estimate, Profile, aggregates, probability_of_improvement, profile
 from .arguments import Parser, UsageError, add_seed, add_suite, flag
 from .listing import between, format_table
 from .opening import baselines, write_json, written_anyway
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from ..comparison import Compared, Reference
-    from ..scores import Estimate, Profile
 
 HELP = "compare policies over tasks, with confidence intervals"
 DESCRIPTION = """\
@@ -106,8 +113,6 @@ def fill(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Read the results, print the tables, and write the files."""
-    from ..comparison import gather, read_reference
-
     if options.suite is not None and options.reference is not None:
         raise UsageError("jaxenstein score: give either --suite or --reference FILE")
     if options.baselines and options.suite is None:
@@ -201,11 +206,6 @@ def summarised(
     compared: Compared, reference: Mapping[str, Reference], options: argparse.Namespace
 ) -> Summary:
     """The aggregates and profiles of normalised scores."""
-    import numpy as np
-
-    from ..comparison import run_scores
-    from ..scores import aggregates, profile
-
     scores = {policy: run_scores(mine, reference) for policy, mine in compared.items()}
     pooled = np.concatenate([runs for mine in scores.values() for runs in mine])
     taus = np.linspace(min(0, pooled.min()), max(1, pooled.max()), POINTS)
@@ -222,9 +222,6 @@ def summarised(
 
 def _chances(compared: Compared, seed: int) -> dict[str, Estimate]:
     """The probability of improvement of the first policy over each other."""
-    from ..comparison import run_returns
-    from ..scores import probability_of_improvement
-
     returns = {policy: run_returns(mine) for policy, mine in compared.items()}
     first, *others = returns
     return {
@@ -235,9 +232,6 @@ def _chances(compared: Compared, seed: int) -> dict[str, Estimate]:
 
 def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> str:
     """A table with a row for each task and policy."""
-    from ..comparison import score_interval
-    from ..intervals import mean_interval
-
     heading = ("TASK", "POLICY", "RUNS", "EPISODES", "RETURN", "95 %", "SUCCESS")
     rows: list[tuple[str, ...]] = [heading if summary is None else (*heading, "SCORE", "95 %")]
     for task in next(iter(compared.values())):
@@ -320,9 +314,6 @@ def _report(
     compared: Compared, summary: Summary | None, chances: Mapping[str, Estimate], seed: int
 ) -> dict[str, Any]:
     """The numbers as plain JSON values."""
-    from .. import intervals, scores
-    from ..comparison import score_interval
-
     resamples = {"returns": intervals.RESAMPLES, "scores": scores.RESAMPLES}
     report: dict[str, Any] = {"seed": seed, "resamples": resamples, "policies": {}}
     for policy, mine in compared.items():

@@ -11,11 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import suite
-from ..comparison import score_interval
+from ..comparison import difference, score_interval
 from ..errors import SettingError
+from ..evaluation import check_policy, evaluate, evaluate_player
 from ..files import name_of
 from ..intervals import mean_interval
+from ..players import player_of
 from ..progress import Progress
+from ..results import Results
+from ..settings import PLACES, environment_options
 from .arguments import UsageError, flag_of
 from .listing import between, format_table
 from .opening import baselines, printing_warnings
@@ -24,7 +28,6 @@ from .own_policy import is_own, load_own
 if TYPE_CHECKING:
     from ..baselines.runs.experiment import Experiment
     from ..baselines.runs.trained import Trained
-    from ..results import Results
 
 
 def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experiment]:
@@ -39,8 +42,6 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
         UsageError: `given` has an option that the suite fixes.
         JAXensteinError: an option has a wrong value.
     """
-    from ..settings import PLACES, environment_options
-
     chosen = suite.suite_of(name)
     fixed = {*environment_options(), *PLACES, "total_steps", "grid"} & {*given}
     if fixed:
@@ -85,9 +86,6 @@ Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
 
 def _policy(options: argparse.Namespace) -> Play:
     """Test the user's own policy, or a scripted player, after a check of it on all tasks."""
-    from ..evaluation import check_policy, evaluate, evaluate_player
-    from ..players import player_of
-
     made = {task.id: suite.make(task.id, options.suite, test=True) for task in suite.TASKS}
     own = {}
     for id, (env, params) in made.items():
@@ -120,8 +118,6 @@ def trained_on(task: suite.Task, folder: Path, chosen: suite.Suite) -> Trained:
     Raises:
         SettingError: the run is missing, or was trained in another environment.
     """
-    from ..comparison import difference
-
     path = folder / task.id
     with printing_warnings():
         trained = baselines("agents").load_trained(path)

@@ -19,6 +19,7 @@ from ..errors import SettingError, quoted
 from ..files import check_links
 from ..machine import use_cores
 from ..progress import Progress
+from ..settings import merge
 from .arguments import Parser, UsageError, add_suite, flag, real, whole
 from .opening import (
     IMPORT,
@@ -264,8 +265,6 @@ def spread(options: argparse.Namespace) -> None:
 def open_folder(options: argparse.Namespace) -> RunFolder:
     """Create the run directory, or open the one to resume."""
     runs, parsing = baselines("folder"), baselines("options")
-    from ..settings import merge
-
     given = given_training(options)
     if not options.resume:
         experiment = parsing.resolve(named(given, "train"))

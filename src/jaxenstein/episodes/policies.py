@@ -1,20 +1,19 @@
-"""The policies for recording an episode.
-
-Importing this module does not import JAX, so that the command line can list policies quickly.
-"""
+"""The policies for recording an episode."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
+import jax
 import numpy as np
 
-if TYPE_CHECKING:
-    from ..environment import AnyEnvironment
-    from ..players import Player
-    from .session import Session
+from ..environment import AnyEnvironment
+from ..evaluation import check_policy
+from ..players import Player, player_of
+from ..players.walking import walking_actions
+from .session import Session
 
 
 class Policy(Protocol):
@@ -60,8 +59,6 @@ class Forward:
         Raises:
             SettingError: an action for walking or turning is missing.
         """
-        from ..players.walking import walking_actions
-
         self._left, self._right, self._forward = walking_actions(action_names)
         self._interact = action_names.index("interact") if "interact" in action_names else None
         self._rng = rng
@@ -115,8 +112,6 @@ class Scripted:
 @functools.lru_cache(maxsize=32)
 def _compiled(player: Player, env: AnyEnvironment) -> Callable[..., Any]:
     """A function of params, key and state, compiled once per player and environment."""
-    import jax
-
     return jax.jit(lambda params, key, state: player(env, params)(key, state))
 
 
@@ -139,10 +134,6 @@ class Own:
         Raises:
             SettingError: the policy takes or returns the wrong values; see `jaxenstein.evaluate`.
         """
-        import jax
-
-        from ..evaluation import check_policy
-
         self.carry = check_policy(env, params, policy, carry)
         self.env, self.params, self.policy, self.name = env, params, policy, name
         self._compiled = jax.jit(lambda *given: policy(*given))
@@ -172,8 +163,6 @@ def named_policy(name: str, env: AnyEnvironment, params: Any, seed: int) -> Poli
     Raises:
         SettingError: there is no such policy; the message names those of this environment.
     """
-    from ..players import player_of
-
     if name == "forward":
         return Forward(env.action_names, np.random.default_rng(seed))
     return Scripted(player_of(env, name, ("forward",)), env, params, name)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..about import Event
+from ..environment import AnyEnvironment
 from ..errors import SettingError, TrajectoryError, quoted
 from ..fields import check_whole
+from ..maps.tilemap import TileMap
 from ..spec import Spec, spec_of
 from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
@@ -23,11 +26,6 @@ from ..view.topdown import JUMP
 from .digests import Digests, make_trajectory
 from .policies import Policy, Script, named_policy
 from .session import NO_OP, Session, check_seed, whole_action
-
-if TYPE_CHECKING:
-    from ..about import Event
-    from ..environment import AnyEnvironment
-    from ..maps.tilemap import TileMap
 
 COMPARED = ("rewards", "states", "observations")
 # Billboards closer to the eye than this, in tiles, are in the hand, and not on the map.

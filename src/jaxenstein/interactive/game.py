@@ -6,7 +6,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -15,15 +15,13 @@ from ..episodes.policies import Policy
 from ..episodes.recorder import EpisodeBuilder, event_text, longest_step, snapshots
 from ..episodes.session import Session
 from ..maps.things import COLOUR_NAMES
+from ..tasks.first_person import FirstPerson
 from ..tasks.levels import closed_doors
 from ..view.episode import Episode
 from ..view.frames import image_of, picture
 from ..view.topdown import MapPicture, draw_map
 from .controls import Controls, keys_of
 from .display import Display, Event, Rectangle
-
-if TYPE_CHECKING:
-    from ..tasks.first_person import FirstPerson
 
 QUIT_KEYS = ("q", "escape")
 COMMANDS = {

@@ -1,1 +1,1 @@
-"""Pictures for people, drawn on the host with numpy and pillow; nothing here imports jax."""
+"""Pictures for people, drawn on the host with numpy and pillow."""

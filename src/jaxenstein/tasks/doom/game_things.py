@@ -15,7 +15,7 @@ from ...engine.scene import Theme
 from ...engine.textures import COVER, Cutouts, kept_once, pack_opaque, sides_of
 from .fixed import ONE, direction
 from .view import EYE
-from .wad import ROTATIONS, Picture, Wad
+from .wad import ROTATIONS, Wad, WadPicture
 
 # Marines wear another green: colours of the palette from the first to the second, moved by so many.
 MARINES, GREENS, BROWNER = "PLAY", (112, 127), 16
@@ -248,7 +248,7 @@ class Views(NamedTuple):
     first: np.ndarray
     turns: np.ndarray
     look: np.ndarray
-    pictures: list[Picture]
+    pictures: list[WadPicture]
 
     def rows(self, shown: Shown, eye: jax.Array) -> jax.Array:
         """int32[N]: the row of each thing, as an eye at int32[2] sees it."""
@@ -288,23 +288,23 @@ def read_views(wad: Wad, looks: Sequence[Look]) -> Views:
     return Views(np.array(first, np.int32), np.array(turns), np.array(rows), pictures)
 
 
-def dressed(look: Look, picture: Picture) -> Picture:
+def dressed(look: Look, picture: WadPicture) -> WadPicture:
     """A picture of a look in the colours in which the game shows it."""
     if look.sprite != MARINES or look.green:
         return picture
     low, high = GREENS
     green = (picture.pixels >= low) & (picture.pixels <= high)
     pixels = picture.pixels - np.int16(BROWNER) * green.astype(np.int16)
-    return Picture(pixels, picture.left, picture.top, picture.mirrored)
+    return WadPicture(pixels, picture.left, picture.top, picture.mirrored)
 
 
-def as_in_file(pictures: Sequence[Picture]) -> list[np.ndarray]:
+def as_in_file(pictures: Sequence[WadPicture]) -> list[np.ndarray]:
     """int16[height, width]: the same object for equal pictures and for mirrored ones."""
     return kept_once([one.pixels[:, ::-1] if one.mirrored else one.pixels for one in pictures])
 
 
 def cutouts_of(
-    looks: Sequence[Look], pictures: Sequence[Picture], first: np.ndarray, unit: int
+    looks: Sequence[Look], pictures: Sequence[WadPicture], first: np.ndarray, unit: int
 ) -> Cutouts:
     """The engine's table of pictures.
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...engine.scene import Held
 from ...engine.textures import Stamps, pack_opaque, sides_of
 from .fixed import ONE, direction
-from .wad import Picture, Wad
+from .wad import Wad, WadPicture
 
 # Rows from the top of a screen of 320 by 200 at which a weapon is held, and while it is raised:
 # so many lower in each tic before it is up.
@@ -198,12 +198,12 @@ def pictures_of(looks: Sequence[WeaponLook]) -> list[tuple[str, str]]:
     return list(dict.fromkeys(picture for look in looks for picture in look.pictures()))
 
 
-def read_stamps(wad: Wad, looks: Sequence[WeaponLook]) -> list[Picture]:
+def read_stamps(wad: Wad, looks: Sequence[WeaponLook]) -> list[WadPicture]:
     """The pictures of weapons."""
     return [wad.sprite(sprite, letter)[0] for sprite, letter in pictures_of(looks)]
 
 
-def stamps_of(pictures: Sequence[Picture], first: np.ndarray) -> Stamps:
+def stamps_of(pictures: Sequence[WadPicture], first: np.ndarray) -> Stamps:
     """The engine's table of pictures, whose first texels in the atlas are at int32[S]."""
     column, opaque = pack_opaque([picture.pixels >= 0 for picture in pictures])
     widths, heights = sides_of([picture.pixels for picture in pictures])

@@ -34,7 +34,7 @@ _INNER = re.compile(r"[FSP]\d_(START|END)")
 
 
 @dataclass(frozen=True)
-class Picture:
+class WadPicture:
     """A picture with holes.
 
     Attributes:
@@ -49,10 +49,10 @@ class Picture:
     top: int
     mirrored: bool = False
 
-    def mirror(self) -> Picture:
+    def mirror(self) -> WadPicture:
         """The mirror image about the column of the thing's position."""
         left = self.pixels.shape[1] - self.left - 1
-        return Picture(self.pixels[:, ::-1], left, self.top, not self.mirrored)
+        return WadPicture(self.pixels[:, ::-1], left, self.top, not self.mirrored)
 
 
 class Wad:
@@ -160,11 +160,11 @@ class Wad:
             np.copyto(place, part, where=part >= 0)
         return canvas
 
-    def patch(self, name: str) -> Picture:
+    def patch(self, name: str) -> WadPicture:
         """A patch of textures; any other picture can be a patch too."""
         return self._decode(name, self.lump(name, "P", "", "S"))
 
-    def sprite(self, name: str, frame: str) -> tuple[Picture, ...]:
+    def sprite(self, name: str, frame: str) -> tuple[WadPicture, ...]:
         """The eight views of a thing, starting at the front, clockwise as seen from above.
 
         Args:
@@ -211,7 +211,7 @@ class Wad:
         (names,) = self._unpack(f"<{8 * count}s", data, 4, "PNAMES")
         return [_text(names[at : at + 8]) for at in range(0, len(names), 8)]
 
-    def _decode(self, name: str, data: bytes) -> Picture:
+    def _decode(self, name: str, data: bytes) -> WadPicture:
         """Decode a picture: columns of runs of pixels (row, length, pixels), each ended by 255."""
         what = f"picture {quoted(name)}"
         width, height, left, top = self._unpack("<4h", data, 0, what)
@@ -233,7 +233,7 @@ class Wad:
                 at += length + 4
             else:
                 raise self._error(f"column {column} of {what} has more runs than rows")
-        return Picture(pixels, left, top)
+        return WadPicture(pixels, left, top)
 
     def _table(self, name: str, rows: int, columns: int) -> np.ndarray:
         (data,) = self._unpack(f"{rows * columns}s", self.lump(name), 0, f"lump {name}")
