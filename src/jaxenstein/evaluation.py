@@ -15,9 +15,8 @@ import numpy as np
 from . import drawing
 from .drawing import Drawn
 from .environment import AnyEnvironment, Environment
-from .episodes.session import check_seed
 from .errors import SettingError, quoted
-from .fields import check_whole
+from .fields import check_seed, check_whole
 from .params import split_ranges
 from .players import play, player_of
 from .pytree import PyTreeNode

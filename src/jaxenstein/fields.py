@@ -12,6 +12,7 @@ import dataclasses
 import functools
 import inspect
 import math
+import operator
 import re
 import typing
 from collections.abc import Iterable
@@ -302,6 +303,22 @@ def check_whole(name: str, value: Any, least: float = 1, most: float = math.inf)
     """Check a whole number that is not a declared field; returns an int."""
     _complain(name, Domain("whole", least, most).fault(value))
     return int(value)
+
+
+def check_seed(seed: Any, bits: int = 32) -> int:
+    """Check a seed; returns an int.
+
+    Raises:
+        SettingError: the seed is not a whole number from 0 to 2**bits - 1.
+    """
+    try:
+        number = operator.index(seed)
+    except TypeError:
+        number = -1
+    if isinstance(seed, bool) or not 0 <= number < 2**bits:
+        wanted = f"a whole number from 0 to 2**{bits} - 1"
+        raise SettingError(f"a seed must be {wanted}, not {quoted(seed)}")
+    return number
 
 
 def check_names(given: Iterable[str], known: Iterable[str], what: str = "setting") -> None:

@@ -13,8 +13,8 @@ from .errors import SettingError, nearest, quoted
 from .fields import (
     Domain,
     check_numbers,
+    check_seed,
     check_value,
-    check_whole,
     domain_of,
     is_array_like,
     is_whole,
@@ -134,8 +134,7 @@ def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
     """
     key: Any = seed
     if is_whole(seed):
-        check_whole("seed", seed, 0, 2**32 - 1)
-        key = jax.random.key(seed, impl="threefry2x32")
+        key = jax.random.key(check_seed(seed), impl="threefry2x32")
     plain, ranges = split_ranges(params)
     shape = () if count is None else (count,)
     return with_numbers(plain, draw_numbers(ranges, key, shape)[0]) if ranges else params

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .errors import JAXensteinError, SettingError, quoted
-from .fields import check_whole
+from .fields import check_seed, check_whole
 from .files import LONGEST_TEXT, atomic, read_json
 from .intervals import mean_interval
 from .machine import made_by
@@ -75,7 +75,7 @@ class Results:
         if self.actions not in ACTIONS:
             shown = quoted(self.actions)
             raise SettingError(f"actions must be 'greedy', 'sampled' or None, not {shown}")
-        object.__setattr__(self, "seed", check_whole("seed", self.seed, 0, 2**32 - 1))
+        object.__setattr__(self, "seed", check_seed(self.seed))
         if not isinstance(self.names, Sequence) or isinstance(self.names, str):
             raise SettingError(f"names must be a tuple of texts, not {quoted(self.names)}")
         for name in self.names:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SettingError
-from .fields import Domain, check_value, check_whole
+from .fields import Domain, check_seed, check_value, check_whole
 from .intervals import ENDS
 
 # With this many, the ends of an interval vary with the seed by about a hundredth of its length.
@@ -321,7 +321,7 @@ def _finite(values: Any, what: str) -> np.ndarray:
 
 def _generator(resamples: int, seed: int) -> np.random.Generator:
     check_whole("resamples", resamples)
-    check_whole("seed", seed, 0, 2**32 - 1)
+    check_seed(seed)
     return np.random.default_rng(seed)
 
 

@@ -18,7 +18,7 @@ from .._jax.packing import Packing
 from ..drawing import Drawn
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError, quoted
-from ..fields import check_whole, is_whole
+from ..fields import check_seed, check_whole, is_whole
 from ..params import differing, ranges_of, split_ranges, with_numbers
 from . import batch_calls
 
@@ -350,15 +350,4 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
         raise SettingError(
             f"there must be one seed for each of {count} environments, not {len(seeds)}"
         )
-    return [None if one is None else checked_seed(one) for one in seeds]
-
-
-def checked_seed(seed: Any) -> int:
-    """Check the seed of one random stream; returns an int.
-
-    Raises:
-        SettingError: the seed is not a whole number from 0 to 2**64 - 1.
-    """
-    if not is_whole(seed) or not 0 <= seed < 2**64:
-        raise SettingError(f"a seed must be a whole number from 0 to 2**64 - 1, not {quoted(seed)}")
-    return int(seed)
+    return [None if one is None else check_seed(one, 64) for one in seeds]

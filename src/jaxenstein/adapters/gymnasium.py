@@ -14,11 +14,11 @@ import numpy as np
 from .. import drawing, spaces
 from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest, quoted
-from ..fields import names_of
+from ..fields import check_seed, names_of
 from ..params import split_ranges
 from ..registry import find, import_module_of, make
 from ..tasks.first_person import FirstPerson
-from .batch import Batch, check_process, checked_seed
+from .batch import Batch, check_process
 
 try:
     import gymnasium
@@ -106,7 +106,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
         Raises:
             SettingError: the seed is invalid.
         """
-        seed = None if seed is None else checked_seed(seed)
+        seed = None if seed is None else check_seed(seed, 64)
         super().reset(seed=seed)
         if seed is None and not self._batch.begun:
             seed = int(self.np_random.integers(2**63))

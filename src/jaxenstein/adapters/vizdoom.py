@@ -18,13 +18,13 @@ import numpy as np
 
 from ..environment import AnyEnvironment
 from ..episodes.policies import Policy
-from ..episodes.session import NO_OP, Session, check_seed, whole_action
+from ..episodes.session import NO_OP, Session, whole_action
 from ..errors import SettingError, quoted
+from ..fields import check_seed
 from ..params import drawn
 from ..tasks.doom.game_look import screen_of
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
-from .batch import checked_seed
 from .gymnasium import gymnasium, gymnasium_space, resolve
 from .vizdoom_buffers import (
     VARIABLES,
@@ -345,7 +345,7 @@ class GameEnv(gymnasium.Env[Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode."""
-        seed = None if seed is None else checked_seed(seed)
+        seed = None if seed is None else check_seed(seed, 64)
         super().reset(seed=seed, options=options)
         game_seed = int(self.np_random.integers(2**32))
         return self.session.reset(game_seed), dict(self.session.info)

@@ -14,7 +14,7 @@ import numpy as np
 from ..about import Event
 from ..environment import AnyEnvironment
 from ..errors import SettingError, TrajectoryError, quoted
-from ..fields import check_whole
+from ..fields import check_seed, check_whole
 from ..maps.tilemap import TileMap
 from ..spec import Spec, spec_of
 from ..tasks.first_person import FirstPerson
@@ -25,7 +25,7 @@ from ..view.frames import image_of, picture
 from ..view.topdown import JUMP
 from .digests import Digests, make_trajectory
 from .policies import Policy, Script, named_policy
-from .session import NO_OP, Session, check_seed, whole_action
+from .session import NO_OP, Session, whole_action
 
 COMPARED = ("rewards", "states", "observations")
 # Billboards closer to the eye than this, in tiles, are in the hand, and not on the map.

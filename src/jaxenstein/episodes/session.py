@@ -11,6 +11,7 @@ import numpy as np
 
 from ..environment import AnyEnvironment
 from ..errors import SettingError, quoted
+from ..fields import check_seed
 from ..players.chance import NO_OP
 
 
@@ -108,21 +109,6 @@ class Session:
     def policy_key(self) -> jax.Array:
         """A random key for choosing the next action, independent of the environment's keys."""
         return jax.random.split(self._key, 3)[2]
-
-
-def check_seed(seed: Any) -> int:
-    """Check a seed; returns an int.
-
-    Raises:
-        SettingError: the seed is not a whole number from 0 to 2**32 - 1.
-    """
-    try:
-        number = operator.index(seed)
-    except TypeError:
-        number = -1
-    if isinstance(seed, bool) or not 0 <= number < 2**32:
-        raise SettingError(f"a seed must be a whole number from 0 to 2**32 - 1, not {quoted(seed)}")
-    return number
 
 
 def whole_action(action: Any) -> int:

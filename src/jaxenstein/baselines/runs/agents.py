@@ -11,10 +11,9 @@ from typing import Any, get_args
 import jax
 import numpy as np
 
-from ...episodes.session import check_seed
 from ...errors import SettingError, quoted
 from ...evaluation import episodes_done
-from ...fields import Domain, check_value, check_whole, is_whole
+from ...fields import Domain, check_seed, check_value, check_whole, is_whole
 from ...files import check_writable
 from ...params import split_ranges
 from ...results import GAME, Results
