@@ -47,6 +47,10 @@ def test_train_evaluate_score(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     train = ["train", "--suite", "--out", "rnd", "--algo", "ppo", *SHORT_TRAINING, *TINY_NETWORK]
+    assert main([*train, "--resume"]) == 2
+    assert "no folder in rnd has a run to continue; leave out --resume" in capsys.readouterr().err
+    assert main([*train, "--budget", "1e-5"]) == 2
+    assert "--budget 1e-05: total_steps must be at least" in capsys.readouterr().err
     assert main(train) == 0
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment

@@ -84,7 +84,7 @@ def test_the_page_says_what_was_measured() -> None:
     assert "only E3B never reaches the goal of `doom-my-way-home-sparse`." in page
     avoid = {algo: (~mine["t-maze"].returns.any(axis=1)).sum() for algo, mine in ours.items()}
     assert avoid == dict.fromkeys(ours, 5) | {"PPO": 4}
-    assert "In `t-maze` four agents of PPO and all others avoid both arms." in page
+    assert "In `t-maze` all agents but one of PPO avoid both arms." in page
     # A guess earns 0.5 in minigrid-memory-s13.
     earned = {algo: mean_interval(of["minigrid-memory-s13"].returns) for algo, of in ours.items()}
     assert all(one.low < 0.5 for one in earned.values())
@@ -92,9 +92,9 @@ def test_the_page_says_what_was_measured() -> None:
     ends = suite.references()["minigrid-memory-s13"]
     guess = f"{normalised(0.5, ends.random, ends.expert):.2f}"
     assert f"no algorithm beats a guess ({guess}), and E3B is worse." in page
-    first = ours["PPO"]["doom-deadly-corridor"].returns[0]
-    assert all((of["doom-deadly-corridor"].returns == first).mean() > 0.99 for of in ours.values())
-    assert "in `doom-deadly-corridor` all agents act alike" in page
+    played = np.concatenate([of["doom-deadly-corridor"].returns for of in ours.values()])
+    alike = (played == played[0]).all(axis=1).sum()
+    assert f"{alike} of the {len(played)} agents play all test episodes identically." in page
 
 
 # Ends of intervals that are closer than this change places with the seed of the bootstrap.
@@ -126,8 +126,8 @@ def test_the_page_says_which_interquartile_means_are_apart() -> None:
     assert first == [task.id for task in suite.TASKS[:3]]
     for told in (
         f"We chose its settings on the first three tasks and `{last}`",
-        "**Not tuned on**: on the eight tasks on which we did not choose settings, all overlap,",
-        "**All tasks**: E3B scores above PPO. RND's interval begins where PPO's ends, and all",
+        "**Not tuned on**: on the eight tasks on which we did not choose settings, all",
+        "**All tasks**: E3B scores above PPO. RND's interval only touches PPO's, and all",
         "**Exploration**: RND and E3B score above PPO.",
         "**Memory**: E3B scores below the others.",
         "**Generalisation**: E3B scores above the others.",
@@ -141,8 +141,8 @@ def test_the_page_says_which_runs_return_more() -> None:
     assert [*clear] == [("E3B", "ICM"), ("E3B", "PPO")]
     assert (
         f"E3B returns more than PPO in {clear['E3B', 'PPO']:.0%} and than ICM in "
-        f"{clear['E3B', 'ICM']:.0%} of the pairs of runs, with ties counted half; no other pair is "
-        "clear."
+        f"{clear['E3B', 'ICM']:.0%} of the pairs of runs, with ties counted half; no other "
+        "difference is clear."
     ).replace("%", " %") in the_page()
     others = {
         algo: {id: results for id, results in mine.items() if id not in CHOSEN_ON}

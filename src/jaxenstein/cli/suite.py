@@ -57,7 +57,10 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
         **given,
         "total_steps": round(chosen.total_steps * budget),
     }
-    return {task.id: resolve({**common, **chosen.options(task)}) for task in suite.TASKS}
+    try:
+        return {task.id: resolve({**common, **chosen.options(task)}) for task in suite.TASKS}
+    except SettingError as error:
+        raise SettingError(f"{f'--budget {budget:g}: ' * (budget != 1)}{error}") from error
 
 
 def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results]]:

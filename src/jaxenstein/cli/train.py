@@ -225,16 +225,21 @@ def openings(
     """Functions that open or create the run directory of each of several trainings, by name.
 
     Raises:
-        UsageError: a directory has a run, and `--resume` is not set.
+        UsageError: a directory has a run, and `--resume` is not set; or it is, and none has.
         SettingError: the run in a directory has another config.
     """
-    found = []
-    for name, experiment in planned.items():
-        path = options.out / name
-        if os.path.exists(path / baselines("folder").CONFIG):
-            open_run(path, experiment, options.resume)
-        found.append(functools.partial(open_run, path, experiment, options.resume))
-    return found
+    config = baselines("folder").CONFIG
+    begun = [name for name in planned if os.path.exists(options.out / name / config)]
+    if options.resume and not begun:
+        raise UsageError(
+            f"jaxenstein: no folder in {options.out} has a run to continue; leave out --resume"
+        )
+    for name in begun:
+        open_run(options.out / name, planned[name], options.resume)
+    return [
+        functools.partial(open_run, options.out / name, experiment, options.resume)
+        for name, experiment in planned.items()
+    ]
 
 
 def open_run(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
