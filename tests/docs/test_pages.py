@@ -153,4 +153,4 @@ def test_repository_address_appears_once() -> None:
 def test_benchmark_page_lists_the_tasks():
     page = (ROOT / "docs/suite.md").read_text("utf-8")
     assert with_suite_tables(page) == page
-    assert f"now {suite.VERSION}." in page
+    assert f"now {suite.VERSION}, and" in page
