@@ -73,7 +73,8 @@ class Environment(abc.ABC, Generic[S, P]):
     action_names: ClassVar[tuple[str, ...]] = ()
     # The event that means success; "" if there is none.
     success_event: ClassVar[str] = ""
-    # Whether success is then to reach the time limit, or else to terminate with a positive reward.
+    # Without such an event, success is to reach the time limit if this is true, and otherwise to
+    # terminate with a positive reward.
     survival: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

@@ -60,7 +60,9 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
     try:
         return {task.id: resolve({**common, **chosen.options(task)}) for task in suite.TASKS}
     except SettingError as error:
-        raise SettingError(f"{f'--budget {budget:g}: ' * (budget != 1)}{error}") from error
+        if str(error).startswith("total_steps"):
+            raise SettingError(f"--budget {budget:g}: {error}") from error
+        raise
 
 
 def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results]]:
