@@ -48,7 +48,7 @@ def add(folder: Path) -> None:
     if not about:
         raise SystemExit(f"{folder}: no run of a task of the benchmark")
     algo = about[0].config.algo
-    usual = planned(SIZE, {"algo": algo}, 1)
+    usual = planned(SIZE, tasks, {"algo": algo}, 1)
     shipped = make_folder(suite.BASELINES / f"{SIZE}-{suite.VERSION}") / f"{algo}.json"
     results = {}
     if shipped.exists():

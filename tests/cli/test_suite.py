@@ -51,14 +51,15 @@ def test_train_evaluate_score(
     assert "no folder in rnd has a run to continue; leave out --resume" in capsys.readouterr().err
     assert main([*train, "--budget", "1e-5"]) == 2
     assert "--budget 1e-05: total_steps must be at least" in capsys.readouterr().err
-    assert main(train) == 0
+    assert main([*train, "--tasks", "simple"]) == 0
+    assert [path.name for path in Path("rnd").iterdir()] == ["simple"]
+    assert main([*train, "--resume"]) == 0
     for task in ("t-maze", "simple"):
         about = RunFolder.open(f"rnd/{task}").experiment
         assert about.environment == suite.SUITES["small"].spec(suite.task_of(task))
         assert (about.config.algo, about.recipe, about.config.total_steps) == ("ppo", "long", 188)
     assert main(train) == 2
     assert "rnd/t-maze already has a run: --resume" in capsys.readouterr().err
-    assert main([*train, "--resume"]) == 0
 
     monkeypatch.setattr(Trained, "finite", lambda trained, run: run == 0)
     # The agents have the name of the folder.
@@ -111,6 +112,7 @@ def test_train_evaluate_score(
         (["--total-steps", "100"], "--suite does not accept --total-steps; --budget X"),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
+        (["--tasks", "simple", "t-mase"], "no task 't-mase', did you mean 't-maze'"),
     ],
 )
 def test_flags_fixed_by_the_suite_are_refused(
@@ -136,6 +138,9 @@ def test_evaluate_refuses_conflicting_arguments(
             "--policy must be MODULE:FUNCTION or",
         ),
         (["train", "--budget", "0.1", "--out", "new"], "--budget needs --suite"),
+        (["train", "--tasks", "simple", "--out", "new"], "--tasks needs --suite"),
+        (["evaluate", "--policy", "idle", "--tasks", "simple"], "--tasks needs --suite"),
+        (["score", "--suite", "r.json"], "must be small or large, not 'r.json'; files and folders"),
         (["score", "r.json", "--suite", "--reference", "f"], "either --suite or --reference"),
     ):
         assert main(words) == 2, words
@@ -186,6 +191,15 @@ def test_an_interrupted_evaluation_keeps_the_finished_tasks(
     assert "idle.json has 1 of 2 tasks" in capsys.readouterr().err
     (found,) = read_results("idle.json")
     assert found.environment.id == "t-maze"
+
+
+@pytest.mark.usefixtures("two_tasks")
+def test_evaluate_plays_only_the_named_tasks(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["evaluate", "--policy", "idle", "--suite", "--episodes", "2", "--json", "idle.json"]
+    assert main([*words, "--tasks", "simple"]) == 0
+    assert "warning" not in capsys.readouterr().err
+    (found,) = read_results("idle.json")
+    assert found.environment.id == "simple"
 
 
 @pytest.mark.usefixtures("two_tasks")

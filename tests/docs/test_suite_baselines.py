@@ -189,7 +189,9 @@ def test_an_algorithm_is_added_from_its_runs(
     train = ["train", "--suite", "--algo", "e3b", *flags]
     planned = suite_baselines.planned
     monkeypatch.setattr(
-        suite_baselines, "planned", lambda size, given, budget: planned(size, given | sizes, budget)
+        suite_baselines,
+        "planned",
+        lambda size, tasks, given, budget: planned(size, tasks, given | sizes, budget),
     )
     assert main([*train, "--out", "runs"]) == 0
     # With one task of two.

@@ -229,6 +229,23 @@ def add_suite(parser: argparse._ActionsContainer, help: str) -> None:
         "--suite",
         nargs="?",
         const="small",
-        choices=tuple(SUITES),
+        type=_suite,
+        metavar=f"{{{','.join(SUITES)}}}",
         help=f"{help}: small (default; for a CPU) or large (for a GPU or TPU)",
+    )
+
+
+def _suite(text: str) -> str:
+    """An argument type: the name of a suite."""
+    if text in SUITES:
+        return text
+    raise argparse.ArgumentTypeError(
+        f"must be {' or '.join(SUITES)}, not {quoted(text)}; files and folders go before --suite"
+    )
+
+
+def add_tasks(parser: argparse._ActionsContainer) -> None:
+    """Add --tasks, which goes with --suite."""
+    parser.add_argument(
+        "--tasks", nargs="+", metavar="ID", help="with --suite: only these tasks (default: all)"
     )

@@ -33,6 +33,7 @@ from .arguments import (
     add_options,
     add_seed,
     add_suite,
+    add_tasks,
     flag,
     flag_of,
     real,
@@ -107,6 +108,7 @@ def fill(parser: Parser) -> None:
     flag(parser, "--policy NAME", what, str)
     flag(parser, "--name NAME", f"the run's name in --json, for {OWN} (default: that text)", str)
     add_suite(parser, "test on every task of the benchmark")
+    add_tasks(parser)
     flag(parser, "--episodes N", "episodes for each run", whole(), 100)
     add_seed(parser)
     flag(parser, "--json FILE", "also write the result of every episode as JSON", Path)
@@ -139,8 +141,9 @@ def run(options: argparse.Namespace) -> None:
         raise UsageError(
             "jaxenstein evaluate: --run and --greedy choose the agent of the film: they need --gif"
         )
+    tasks = suite_commands.tasks_of(options.suite, options.tasks)
     if options.suite is not None:
-        _suite(options)
+        _suite(options, tasks)
         return
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
@@ -175,20 +178,20 @@ def _check_policy(options: argparse.Namespace) -> None:
             raise UsageError(f"jaxenstein evaluate: --suite does not accept {', '.join(given)}")
 
 
-def _suite(options: argparse.Namespace) -> None:
-    """Test on all tasks of the benchmark."""
+def _suite(options: argparse.Namespace, tasks: Sequence[suite.Task]) -> None:
+    """Test on tasks of the benchmark."""
     played: list[tuple[Any, Results]] = []
 
     def write(path: Path) -> None:
-        if 0 < len(played) < len(suite.TASKS):
-            told = f"{path} has {len(played)} of {len(suite.TASKS)} tasks"
+        if 0 < len(played) < len(tasks):
+            told = f"{path} has {len(played)} of {len(tasks)} tasks"
             print(f"jaxenstein: warning: {told}", file=sys.stderr)
         if played:
             _write(path, [one for _, one in played])
 
     # After an interruption or an error, the file has the finished tasks.
     with written_anyway(options.json, write):
-        for one in suite_commands.evaluated(options):
+        for one in suite_commands.evaluated(options, tasks):
             played.append(one)
         print(suite_commands.table(played))
 

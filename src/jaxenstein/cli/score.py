@@ -149,7 +149,8 @@ def run(options: argparse.Namespace) -> None:
     with written_anyway(options.json, write):
         _print(compared, summary, chances, options.seed, options.suite)
     if options.plot is not None and summary is not None:
-        figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles)
+        tasks = _count(compared, options.suite is not None)
+        figure = baselines("score_plot").plot_scores(summary.aggregates, summary.profiles, tasks)
         baselines("curves").save_figure(figure, [options.plot])
         print(f"wrote {options.plot}")
 
@@ -253,14 +254,19 @@ def table_of_tasks(compared: Compared, summary: Summary | None, seed: int) -> st
     return format_table(rows, right=range(2, len(rows[0])))
 
 
+def _count(compared: Compared, of_suite: bool) -> str:
+    """The number of tasks, and that of the benchmark if some are missing."""
+    number, all_tasks = len(next(iter(compared.values()))), len(suite.TASKS)
+    if of_suite and number < all_tasks:
+        return f"{number} of {all_tasks} tasks"
+    return f"{number} task{'s' * (number != 1)}"
+
+
 def _notes(compared: Compared, of_suite: bool) -> str:
     """Lines on missing tasks, single runs, and departures from the benchmark's protocol."""
     lines = []
-    tasks = len(next(iter(compared.values())))
-    if of_suite and tasks < len(suite.TASKS):
-        lines.append(
-            f"{tasks} of {len(suite.TASKS)} tasks: a score of the benchmark needs all of them\n"
-        )
+    if of_suite and len(next(iter(compared.values()))) < len(suite.TASKS):
+        lines.append(f"{_count(compared, of_suite)}: a score of the benchmark needs all of them\n")
     for policy, mine in compared.items():
         single = [task for task, results in mine.items() if len(results.names) == 1]
         if single:

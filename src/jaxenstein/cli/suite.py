@@ -1,4 +1,4 @@
-"""The flag `--suite`: train and test on all tasks of the benchmark."""
+"""The flag `--suite`: train and test on the tasks of the benchmark."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import dataclasses
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,11 +30,33 @@ if TYPE_CHECKING:
     from ..baselines.runs.trained import Trained
 
 
-def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experiment]:
+def tasks_of(name: str | None, ids: Sequence[str] | None) -> tuple[suite.Task, ...]:
+    """The tasks that --tasks names, or else all, in the order of the benchmark.
+
+    Args:
+        name: the value of --suite.
+        ids: the value of --tasks.
+
+    Raises:
+        UsageError: there is --tasks, but no --suite.
+        SettingError: a task does not exist.
+    """
+    if ids is None:
+        return suite.TASKS
+    if name is None:
+        raise UsageError("jaxenstein: --tasks needs --suite; use --env for a single environment")
+    wanted = [suite.task_of(id) for id in ids]
+    return tuple(task for task in suite.TASKS if task in wanted)
+
+
+def planned(
+    name: str, tasks: Sequence[suite.Task], given: dict[str, Any], budget: float
+) -> dict[str, Experiment]:
     """The trainings of a suite, by task.
 
     Args:
         name: the name of the suite.
+        tasks: its tasks to train on.
         given: the options from the config file and the flags.
         budget: factor on the number of decisions of each agent.
 
@@ -58,26 +80,30 @@ def planned(name: str, given: dict[str, Any], budget: float) -> dict[str, Experi
         "total_steps": round(chosen.total_steps * budget),
     }
     try:
-        return {task.id: resolve({**common, **chosen.options(task)}) for task in suite.TASKS}
+        return {task.id: resolve({**common, **chosen.options(task)}) for task in tasks}
     except SettingError as error:
         if str(error).startswith("total_steps"):
             raise SettingError(f"--budget {budget:g}: {error}") from error
         raise
 
 
-def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results]]:
+def evaluated(
+    options: argparse.Namespace, tasks: Sequence[suite.Task]
+) -> Iterator[tuple[suite.Task, Results]]:
     """Test an agent on one task after the other.
 
     Args:
         options: the arguments of `evaluate`: `suite`, `folder` or `policy`, `episodes` and `seed`.
+        tasks: the tasks.
 
     Raises:
         SettingError: a run is missing or was trained in another environment, or the policy does
             not suit a task.
     """
     chosen = suite.suite_of(options.suite)
-    play = _policy(options) if options.policy is not None else _runs(options.folder, chosen)
-    for task in suite.TASKS:
+    own = options.policy is not None
+    play = _policy(options, tasks) if own else _runs(options.folder, chosen, tasks)
+    for task in tasks:
         with Progress(options.episodes, task.id, unit="episodes", compiles=True) as progress:
 
             def notify(part: float, progress: Progress = progress) -> None:
@@ -89,9 +115,9 @@ def evaluated(options: argparse.Namespace) -> Iterator[tuple[suite.Task, Results
 Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
 
 
-def _policy(options: argparse.Namespace) -> Play:
+def _policy(options: argparse.Namespace, tasks: Sequence[suite.Task]) -> Play:
     """Test the user's own policy, or a scripted player, after a check of it on all tasks."""
-    made = {task.id: suite.make(task.id, options.suite, test=True) for task in suite.TASKS}
+    made = {task.id: suite.make(task.id, options.suite, test=True) for task in tasks}
     own = {}
     for id, (env, params) in made.items():
         if is_own(options.policy):
@@ -142,17 +168,15 @@ def trained_on(task: suite.Task, folder: Path, chosen: suite.Suite) -> Trained:
     return dataclasses.replace(trained, experiment=tested, name=name_of(folder))
 
 
-def _runs(folder: Path, chosen: suite.Suite) -> Play:
+def _runs(folder: Path, chosen: suite.Suite, tasks: Sequence[suite.Task]) -> Play:
     """Test the agents of `jaxenstein train --suite`."""
     agents, config = baselines("agents"), baselines("folder").CONFIG
-    if missing := [
-        task.id for task in suite.TASKS if not os.path.exists(folder / task.id / config)
-    ]:
+    if missing := [task.id for task in tasks if not os.path.exists(folder / task.id / config)]:
         raise SettingError(
-            f"{folder} has no run of {', '.join(missing)}: 'jaxenstein train --suite' trains all "
-            "tasks; repeat its command with --resume"
+            f"{folder} has no run of {', '.join(missing)}: repeat the command 'jaxenstein train "
+            "--suite' with --resume, or name other tasks with --tasks"
         )
-    found = {task.id: trained_on(task, folder, chosen) for task in suite.TASKS}
+    found = {task.id: trained_on(task, folder, chosen) for task in tasks}
     budgets = {
         id: trained.update
         - trained.experiment.config.replace(total_steps=chosen.total_steps).updates

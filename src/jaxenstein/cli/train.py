@@ -20,7 +20,8 @@ from ..files import check_links
 from ..machine import use_cores
 from ..progress import Progress
 from ..settings import merge
-from .arguments import Parser, UsageError, add_suite, flag, real, whole
+from ..suite import Task
+from .arguments import Parser, UsageError, add_suite, add_tasks, flag, real, whole
 from .opening import (
     IMPORT,
     add_config,
@@ -34,6 +35,7 @@ from .opening import (
     printing_warnings,
 )
 from .suite import planned as planned_suite
+from .suite import tasks_of
 
 if TYPE_CHECKING:
     from ..baselines.divergence import Divergence
@@ -98,6 +100,7 @@ def fill(parser: Parser) -> None:
     flag(out, "--resume", "continue the run in DIR")
     add_config(out)
     add_suite(out, "train on every task of the benchmark, in DIR/TASK")
+    add_tasks(out)
     flag(out, "--budget X", "with --suite: factor on the number of decisions", real(0, 1000), 1.0)
     add_training(parser)
     together = parser.add_argument_group("several processes (the same command in each)")
@@ -152,9 +155,10 @@ def run(options: argparse.Namespace) -> int:
     spread(options)
     if options.budget != 1 and options.suite is None:
         raise UsageError("jaxenstein train: --budget needs --suite; use --total-steps instead")
+    tasks = tasks_of(options.suite, options.tasks)
     together = _together(options)
     if options.suite is not None:
-        return train_suite(options)
+        return train_suite(options, tasks)
     if not together:
         return train_one(options)
     processes = baselines("processes")
@@ -210,11 +214,11 @@ def train_one(options: argparse.Namespace) -> int:
     return carry_out([lambda: folder], options, shlex.join(again))
 
 
-def train_suite(options: argparse.Namespace) -> int:
-    """Train on one task of a suite after the other; returns the exit code of `carry_out`."""
+def train_suite(options: argparse.Namespace, tasks: Sequence[Task]) -> int:
+    """Train on one task of the benchmark after the other; returns the exit code of `carry_out`."""
     check_links(options.out)
     with printing_warnings():
-        planned = planned_suite(options.suite, given_training(options), options.budget)
+        planned = planned_suite(options.suite, tasks, given_training(options), options.budget)
     check_effect(options, [experiment.config.algo for experiment in planned.values()][:1])
     return carry_out(openings(options, planned), options)
 

@@ -20,13 +20,14 @@ TITLES = {
 
 
 def plot_scores(
-    aggregates: Mapping[str, Mapping[str, Estimate]], profiles: Mapping[str, Profile]
+    aggregates: Mapping[str, Mapping[str, Estimate]], profiles: Mapping[str, Profile], tasks: str
 ) -> Figure:
     """The plot as a matplotlib figure.
 
     Args:
         aggregates: results of `jaxenstein.scores.aggregates`, by policy.
         profiles: performance profiles, by policy.
+        tasks: the number of tasks, in words.
     """
     figure = new_figure(9.6, 4.2 + 0.25 * len(aggregates))
     heights = [0.6 + 0.25 * len(aggregates), 3]
@@ -55,7 +56,7 @@ def plot_scores(
         below.step(found.taus, found.fractions, where="post", color=colour, label=label)
         band = {"step": "post", "color": colour, "alpha": 0.2, "lw": 0}
         below.fill_between(found.taus, found.low, found.high, **band)
-    below.set_xlabel("normalised score τ")
+    below.set_xlabel(f"normalised score τ ({tasks})")
     below.set_ylabel("fraction of runs with score above τ")
     below.set_ylim(-0.03, 1.03)
     below.grid(alpha=0.3)
