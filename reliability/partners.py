@@ -68,7 +68,7 @@ PARTNERS: dict[str, Partner] = {
         "3.11",
     ),
     "sb3": Partner(
-        (_TORCH, "stable-baselines3>=2.4"),
+        (_TORCH, "stable-baselines3>=2.4", "flax>=0.12", "optax>=0.2.4"),
         ("adapters/test_sb3.py", "experiments/test_sb3_in_vizdoom.py", _EVERY),
         ("torch", "stable_baselines3"),
         "3.11",

@@ -36,6 +36,17 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(config.stash[PROGRAMS].close)
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """In each file, run the tests with plain frames last: such frames stay until its end."""
+    files = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}
+    items.sort(key=lambda item: (files[item.path], _has_plain_frames(item)))
+
+
+def _has_plain_frames(item: pytest.Item) -> bool:
+    return isinstance(item, pytest.Function) and "plain_frames" in item.fixturenames
+
+
 def compile_quickly() -> None:
     """Compile with few optimisations, which takes half the time."""
     jax.config.update("jax_disable_most_optimizations", True)
