@@ -62,6 +62,7 @@ def test_agent_is_trained_in_the_game_and_acts_in_both(
     first, *_ = map(json.loads, rows.read_text("utf-8").splitlines())
     assert first == {
         "seed": 0, "steps": 16, "seconds": 9, "episodes": 4, "return_sum": pytest.approx(1200),
+        "successes": 4,
     }  # fmt: skip
     rows.unlink()
     sb3_in_vizdoom.main(arguments)
