@@ -250,6 +250,7 @@ def test_labels_are_not_parsed_as_math(tmp_path: Path) -> None:
     profile = Profile(*(np.array([0.0, 1.0]) for _ in range(4)))
     scores = dict.fromkeys(TITLES, estimate)
     figure = plot_scores(dict.fromkeys(labels, scores), dict.fromkeys(labels, profile), "3 tasks")
+    assert figure.axes[-1].get_xlabel() == "normalised score τ (3 tasks)"
     save_figure(figure, [tmp_path / "b.png"])
 
 
