@@ -9,7 +9,6 @@ import pytest
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
 from jaxenstein.cli import main
 from jaxenstein.evaluation import evaluate_player
 from jaxenstein.params import Range, draw_numbers, drawn, ranges_of
@@ -89,6 +88,9 @@ def test_params_are_drawn_uniformly_and_independently():
 
 
 def test_each_environment_of_an_adapter_has_its_own_params():
+    pytest.importorskip("gymnasium")
+    from jaxenstein.adapters.gymnasium_vector import GymnasiumVectorEnv
+
     env, params = waiting()
     numbers = drawn(params, 0, 3)
     envs = GymnasiumVectorEnv(env, numbers, num_envs=3)

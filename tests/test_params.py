@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import gymnasium
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 import jaxenstein
 from jaxenstein import SettingError
-from jaxenstein.adapters.gymnasium import GymnasiumEnv
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -70,7 +68,6 @@ def test_batched_params_are_refused_for_one_environment(name):
         lambda: env.step(keys[0], one, 2, many),
         lambda: env.single_params(many),
         lambda: jaxenstein.record(env, many, [2]),
-        lambda: GymnasiumEnv(env, many),
     ):
         with pytest.raises(SettingError, match=f"params of 'simple'.*{shapes}.*{remedy}"):
             enter()
@@ -80,10 +77,7 @@ def test_stacked_params_are_mapped():
     env, params = jaxenstein.make("simple", **SIZE)
     keys = jax.random.split(jax.random.key(0), 1)
     stacked = jax.tree.map(lambda leaf: leaf[None], params)
-    for enter in (
-        lambda: jax.vmap(env.reset, (0, None))(keys, stacked),
-        lambda: GymnasiumEnv(env, stacked),
-    ):
+    for enter in (lambda: jax.vmap(env.reset, (0, None))(keys, stacked),):
         with pytest.raises(SettingError, match=r"env.reset, in_axes=\(0, 0\)\)"):
             enter()
     _, states = jax.vmap(env.reset, (0, 0))(keys, stacked)
@@ -106,9 +100,21 @@ def test_most_steps_in_compiled_code():
     assert env.most_steps(many).dtype == jax.jit(env.most_steps)(many).dtype == np.int32
 
 
-def test_adapters_and_files_check_params_too():
+def test_gymnasium_checks_params_too():
+    gymnasium = pytest.importorskip("gymnasium")
+    from jaxenstein.adapters.gymnasium import GymnasiumEnv
+
+    env, params = jaxenstein.make("simple", **SIZE)
+    many = params.replace(turn_angle=jnp.array([0.1, 0.2]))
+    with pytest.raises(SettingError, match="turn_angle must have the shape"):
+        GymnasiumEnv(env, many)
+    with pytest.raises(SettingError, match=r"env.reset, in_axes=\(0, 0\)\)"):
+        GymnasiumEnv(env, jax.tree.map(lambda leaf: leaf[None], params))
     with pytest.raises(SettingError, match="max_steps_in_episode must be"):
         gymnasium.make("jaxenstein/simple-v0", max_steps_in_episode=0)
+
+
+def test_recordings_check_params_too():
     env, params = jaxenstein.make("simple", **SIZE)
     with pytest.raises(SettingError, match="move_distance must be"):
         jaxenstein.record(env, dataclasses.replace(params, move_distance=2.0), [2])

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("flax")
+
 import jaxenstein
 from docs import environment_pages, measured, other_pages, page_parts
 from docs.page_parts import FAMILIES

@@ -6,6 +6,8 @@ import json
 
 import pytest
 
+pytest.importorskip("flax")
+
 from docs.other_pages import _measure
 from docs.page_parts import stored_agents, stored_rows
 from jaxenstein.baselines.runs.configs import find_config

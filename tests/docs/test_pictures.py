@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytest.importorskip("flax")
+
 import jaxenstein
 from docs import measured, pictures
 from jaxenstein.catalogue import MAIN_IDS
