@@ -77,14 +77,16 @@ def test_truncated_programs_are_silently_recompiled(home: Path) -> None:
     add("100")
     assert not kept(home)
     add()
-    before = {path: path.stat().st_size for path in home.rglob("*-cache")}
+    before = {*home.rglob("*-cache")}
     assert before
     for path in before:
         path.write_bytes(path.read_bytes()[:100])
     add()
     # A program reported later is compiled again in the next call.
     add()
-    assert {path: path.stat().st_size for path in home.rglob("*-cache")} == before
+    assert {*home.rglob("*-cache")} == before
+    # Some versions of JAX compile a program to files of slightly different sizes.
+    assert all(path.stat().st_size > 1000 for path in before)
 
 
 def test_folder_is_set_in_jax_unless_already_set(

@@ -122,6 +122,7 @@ def test_reading_a_trajectory_touches_nothing_else(watch: Watch, tmp_path: Path)
 
 
 def test_reading_a_checkpoint_touches_nothing_else(watch: Watch, tmp_path: Path) -> None:
+    pytest.importorskip("flax")
     from jaxenstein.baselines.runs.checkpoints import Checkpoints
 
     state = {"a": np.arange(3), "b": np.ones((2, 2), np.float32)}
