@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from ..engine.shade import luma_of
 from ..errors import JAXensteinError, SettingError
 from ..maps.symbols import CEILING, FLOOR
 
@@ -22,8 +23,6 @@ SCREENS = ((160, 120), (320, 240), (640, 480), (1280, 960))
 DEPTH_STEP, DEPTH_START = 7.1376, 0.0227
 # The value of floor and ceiling in the label buffer; walls are 0, things have other values.
 FLATS = 1
-# Weights of red, green and blue for grey images, ITU-R BT.601.
-LUMA = (0.299, 0.587, 0.114)
 VARIABLES = ("POSITION_X", "POSITION_Y", "ANGLE", "VELOCITY_X", "VELOCITY_Y", "HEALTH")
 
 
@@ -168,4 +167,4 @@ def picked_image(screen: np.ndarray, size: tuple[int, int], samples: int = 1) ->
 
 def grey(image: np.ndarray) -> np.ndarray:
     """uint8[height, width]: the luma of a colour image."""
-    return np.rint(image @ np.array(LUMA)).astype(np.uint8)
+    return luma_of(*np.moveaxis(image.astype(np.uint32), -1, 0)).astype(np.uint8)

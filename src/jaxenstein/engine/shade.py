@@ -21,8 +21,6 @@ SIDE_LIGHT = 0.8
 SEAM_WIDTH = 0.03
 SEAM_SHADE = 0.3
 SEAM_FADES = 7.0
-# ITU-R BT.601 luma weights, in 1/256.
-LUMA = (77, 150, 29)
 
 
 def brightness(depth: Any) -> Any:
@@ -69,9 +67,13 @@ def pack_rgb(colour: Any, light: Any) -> Any:
 
 
 def luma(words: Any) -> Any:
-    """uint32 grey value, 0 to 255, of packed colours, by ITU-R BT.601."""
-    red, green, blue = (words >> np.uint32(shift) & np.uint32(255) for shift in (0, 8, 16))
-    weighted = red * np.uint32(LUMA[0]) + green * np.uint32(LUMA[1]) + blue * np.uint32(LUMA[2])
+    """uint32 grey value, 0 to 255, of packed colours."""
+    return luma_of(*(words >> np.uint32(shift) & np.uint32(255) for shift in (0, 8, 16)))
+
+
+def luma_of(red: Any, green: Any, blue: Any) -> Any:
+    """uint32 grey value, 0 to 255, of uint32 channels, by ITU-R BT.601 in steps of 1/256."""
+    weighted = red * np.uint32(77) + green * np.uint32(150) + blue * np.uint32(29)
     return (weighted + np.uint32(128)) >> np.uint32(8)
 
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..engine.shade import LUMA, ImageKind
+from ..engine.shade import ImageKind, luma_of
 from ..errors import SettingError
 
 # Rows of the strip per row of the whole image, and the fewest.
@@ -98,6 +98,4 @@ def frame(image: jax.Array, colour: jax.Array, label: jax.Array, kind: ImageKind
 
 def _gray(image: jax.Array) -> jax.Array:
     """uint8[height, width]: the luma of a colour image."""
-    weights = jnp.asarray(LUMA, jnp.int32)
-    weighted = jnp.sum(image.astype(jnp.int32) * weights[None, None], axis=-1, dtype=jnp.int32)
-    return ((weighted + 128) >> 8).astype(jnp.uint8)
+    return luma_of(*jnp.moveaxis(image.astype(jnp.uint32), -1, 0)).astype(jnp.uint8)
