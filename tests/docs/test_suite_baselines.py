@@ -140,9 +140,8 @@ def test_the_page_says_which_runs_return_more() -> None:
     clear = clear_pairs(our_results())
     assert [*clear] == [("E3B", "ICM"), ("E3B", "PPO")]
     assert (
-        f"E3B returns more than PPO in {clear['E3B', 'PPO']:.0%} and than ICM in "
-        f"{clear['E3B', 'ICM']:.0%} of the pairs of runs, with ties counted half; no other "
-        "difference is clear."
+        f"The probability of improvement of E3B is {clear['E3B', 'PPO']:.0%} over PPO and "
+        f"{clear['E3B', 'ICM']:.0%} over ICM (ties count half); the other intervals include 50%."
     ).replace("%", " %") in the_page()
     others = {
         algo: {id: results for id, results in mine.items() if id not in CHOSEN_ON}
