@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -147,12 +149,23 @@ def test_changed_weights_are_used(world: tuple[Any, Any]) -> None:
             return self.action
 
     agent = Agent()
-    for policy in (agent, agent.__call__):
+    for policy in (agent, agent.__call__, *map(jax.tree_util.Partial, (agent, agent.__call__))):
         lengths = []
         for action in (0, world[0].index_of("forward")):
             agent.action = action
             lengths.append(int(evaluate(*world, policy, episodes=1).lengths[0, 0]))
         assert lengths[1] < lengths[0]
+
+
+def test_the_program_of_a_policy_is_freed_with_it(world: tuple[Any, Any]) -> None:
+    def act(obs: Any, key: Any) -> Any:
+        return 0
+
+    evaluate(*world, act, episodes=1)
+    left = weakref.ref(act)
+    del act
+    gc.collect()
+    assert left() is None
 
 
 def test_unhashable_callables_are_policies(world: tuple[Any, Any]) -> None:

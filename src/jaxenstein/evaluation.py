@@ -40,13 +40,11 @@ class Evaluation(PyTreeNode):
         episode_return: float32[E], undiscounted.
         episode_length: int32[E], steps.
         success: bool[E], whether the aim of the task was reached.
-        terminated: bool[E], whether the task, not the time limit, ended the episode.
     """
 
     episode_return: jax.Array
     episode_length: jax.Array
     success: jax.Array
-    terminated: jax.Array
 
 
 class Playing(PyTreeNode):
@@ -72,14 +70,12 @@ class Taken(NamedTuple):
         actors: the actors after the step.
         reward: float32[...].
         reached: bool[...], whether the step reached the aim of the task.
-        terminated: bool[...], whether the task ended the episode.
         over: bool[...], terminated or truncated.
     """
 
     actors: Any
     reward: jax.Array
     reached: jax.Array
-    terminated: jax.Array
     over: jax.Array
 
 
@@ -89,7 +85,6 @@ def unstarted(actors: Any, shape: tuple[int, ...]) -> Playing:
         episode_return=jnp.zeros(shape, jnp.float32),
         episode_length=jnp.zeros(shape, jnp.int32),
         success=jnp.zeros(shape, bool),
-        terminated=jnp.zeros(shape, bool),
     )
     return Playing(jnp.int32(0), actors, jnp.ones(shape, bool), nothing)
 
@@ -107,7 +102,6 @@ def advance(step: Callable[[jax.Array, Any], Taken], playing: Playing, until: ja
             episode_return=result.episode_return + jnp.where(running, taken.reward, 0),
             episode_length=result.episode_length + running.astype(jnp.int32),
             success=result.success | (running & taken.reached),
-            terminated=result.terminated | (running & taken.terminated),
         )
         return Playing(before.steps + 1, taken.actors, running & ~taken.over, result)
 
@@ -164,8 +158,9 @@ def evaluate(
             carry it is called as `policy(obs, key)` and returns the action, one whole number.
             With a carry it is called as `policy(carry, obs, key)` and returns the next carry and
             the action. `obs` is one observation, `key` a typed random key for this step. Weights
-            in a `jax.tree_util.Partial` are arguments of the compiled program. All other weights
-            are constants in it, so each call compiles it again.
+            in a `jax.tree_util.Partial` are arguments of the compiled program, and later calls
+            with the same function reuse it. All other weights are constants in it, so each call
+            compiles it again.
         carry: the memory of one environment at the start of every episode: a pytree of arrays
             whose structure, shapes and dtypes must not change. None: the policy has no memory.
         episodes: the number of episodes, at least 1.
@@ -198,10 +193,10 @@ def evaluate(
     name = name_of(policy) if name is None else name
     check_text("name", name)
     carry = check_policy(env, numbers, policy, carry)
-    act, remembers = _partial(policy), carry is not None
+    play_on = _compiled(policy, carry is not None)
     longest = np.asarray(env.most_steps(numbers))
     played = play_out(
-        lambda playing, until: _advance(env, given, act, playing, until, remembers=remembers),
+        lambda playing, until: play_on(env, given, playing, until),
         _begin(env, given, carry, key, episodes=episodes),
         lambda running, length: notify(episodes_done(running, length, longest)),
     )
@@ -311,9 +306,26 @@ def _begin(env: AnyEnvironment, params: Any, carry: Any, key: jax.Array, episode
     return unstarted(jax.vmap(first)(jnp.arange(episodes)), (episodes,))
 
 
-@functools.partial(jax.jit, static_argnums=0, static_argnames="remembers")
+def _compiled(policy: Callable[..., Any], remembers: bool) -> Callable[..., Playing]:
+    """`_advance` with a policy, as a function of the other arguments."""
+    if isinstance(policy, jax.tree_util.Partial) and _is_fixed(policy.func):
+        return functools.partial(_shared, policy, remembers)
+    # A program of its own, which is freed with the policy: JAX would reuse the program of an
+    # equal function, whose weights may have changed, such as those of an object or of a global.
+    return jax.jit(functools.partial(_advance, policy, remembers), static_argnums=0)
+
+
+def _is_fixed(function: Any) -> bool:
+    """Whether it is a function, or a method of an object that compares by value, as flax modules.
+
+    The attributes of other objects may change without notice.
+    """
+    owner = getattr(function, "__self__", None) if hasattr(function, "__qualname__") else function
+    return owner is None or type(owner).__hash__ not in (None, object.__hash__)
+
+
 def _advance(
-    env: AnyEnvironment, params: Any, policy: Any, playing: Playing, until: Any, remembers: bool
+    policy: Any, remembers: bool, env: AnyEnvironment, params: Any, playing: Playing, until: Any
 ) -> Playing:
     """As `advance`, with a policy."""
 
@@ -325,24 +337,17 @@ def _advance(
             step_key, before.state, action, before.params(params)
         )
         after = _Actors(actors.key, before.replace(state=state), obs, carry)
-        over = terminated | truncated
-        return Taken(after, reward.astype(jnp.float32), info["success"], terminated, over)
+        return Taken(after, reward.astype(jnp.float32), info["success"], terminated | truncated)
 
     return advance(jax.vmap(step, in_axes=(None, 0)), playing, until)
+
+
+_shared = jax.jit(_advance, static_argnums=(1, 2))
 
 
 def _acted(policy: Any, carry: Any, obs: Any, key: jax.Array, remembers: bool) -> tuple[Any, Any]:
     """The next carry and the action, as the policy returns them."""
     return policy(carry, obs, key) if remembers else (carry, policy(obs, key))
-
-
-def _partial(policy: Callable[..., Any]) -> jax.tree_util.Partial:
-    """The policy as an argument of a compiled program; its function is static."""
-    if isinstance(policy, jax.tree_util.Partial):
-        return policy
-    # A new function each time: JAX would reuse the program of an equal one, whose weights may
-    # have changed since, such as those of an object or of a global variable.
-    return jax.tree_util.Partial(lambda *given: policy(*given))
 
 
 def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], carry: Any) -> Any:

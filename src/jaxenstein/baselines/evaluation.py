@@ -60,7 +60,7 @@ def advance(
             first=over,
             memory=memory.reshape(-1, *memory.shape[2:]),
         )
-        told = outcome.reward, outcome.reached, outcome.terminated, over
+        told = outcome.reward, outcome.reached, over
         return Taken(actors, *(part.reshape(runs, episodes) for part in told))
 
     return evaluation.advance(step, playing, until)
