@@ -41,6 +41,28 @@ def test_copied_metrics_give_the_curve_of_the_run(tmp_path: Path) -> None:
         np.testing.assert_array_equal(other.values, own.values)
 
 
+def test_the_config_of_another_program_does_not_make_a_run(tmp_path: Path) -> None:
+    path = write_lines(tmp_path / "mine" / "metrics.jsonl", [{"step": 1, "return": 2.0}])
+    (path.parent / "config.json").write_text('{"algo": "dqn"}')
+    for place in (path, path.parent):
+        assert curves_of(place)[0].over == "steps"
+
+
+def test_a_folder_of_own_runs_is_not_one_run_with_tensorboard_files(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        events = write_run(tmp_path / name, [[0, 2]]) / "tensorboard" / "seed-0"
+        events.mkdir(parents=True)
+        (events / "events.out.tfevents.1").touch()
+    with pytest.raises(SettingError, match=r"there are runs in .*one, .*two"):
+        curves_of(tmp_path)
+
+
+def test_sums_without_episodes_are_not_used(tmp_path: Path) -> None:
+    rows = [{"step": step, "return": 3.0, "return_sum": 9.0} for step in (1, 2)]
+    (curve,) = curves_of(write_lines(tmp_path / "a.jsonl", rows))
+    np.testing.assert_array_equal(curve.values, [[3, 3]])
+
+
 def test_other_columns_are_means_per_seed(tmp_path: Path) -> None:
     rows = [
         {"time/step": 10 * step, "seed": seed, "score": float(step * seed), "note": "x"}

@@ -138,12 +138,20 @@ def test_band_matches_all_resamples() -> None:
     assert high[0] == np.quantile(draws, 0.975, method="inverted_cdf")
 
 
-def test_band_ignores_missing_values() -> None:
-    curves = np.array([[1.0, np.nan, np.nan], [3.0, 4.0, np.nan]])
-    mean, low, high = band(curves)
-    np.testing.assert_array_equal(mean, [2, 4, np.nan])
-    np.testing.assert_array_equal(low, [1, 4, np.nan])
-    np.testing.assert_array_equal(high, [3, 4, np.nan])
+def test_band_ends_where_the_first_run_ends() -> None:
+    """The mean of the runs that are left would jump, and a band of one run has no width."""
+    mean, low, high = band(np.array([[1.0, np.nan, np.nan], [3.0, 4.0, np.nan]]))
+    np.testing.assert_array_equal(mean, [2, np.nan, np.nan])
+    np.testing.assert_array_equal(low, [1, np.nan, np.nan])
+    np.testing.assert_array_equal(high, [3, np.nan, np.nan])
+
+
+def test_curves_without_a_common_point_are_refused() -> None:
+    values = np.array([[1.0, np.nan], [np.nan, 1.0]])
+    with pytest.raises(SettingError, match="a: there is no point where all 2 runs have a value of"):
+        plot([Curve("a", np.arange(2.0), values)])
+    with pytest.raises(SettingError, match="b has no value of 'loss'"):
+        plot([Curve("b", np.arange(2.0), values[:1] * np.nan)], "loss")
 
 
 def test_interval_of_one_run_is_of_the_mean() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from ...files import atomic, check_writable, name_of
 from ...intervals import ENDS, RESAMPLES
 from ..divergence import METRIC
 from .experiment import exact
-from .folder import CONFIG, RunFolder
+from .folder import RunFolder, has_run
 from .foreign import Over, is_foreign, read_foreign
 from .metrics import EPISODE_MEANS, METRICS, Row, read_metrics, read_seconds, rows_by_run
 
@@ -31,26 +30,18 @@ POINTS = 50
 def band(curves: np.ndarray, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean over runs of curves[runs, points], with a 95 % band from resampling whole runs.
 
-    NaN marks missing values, which do not count in the mean of their point. At a point without
-    values, all three results are NaN.
+    NaN marks missing values. At a point where a run has none, all three results are NaN: the mean
+    of the others would differ only because other runs are left.
 
     Returns:
         Mean, lower and upper end of the band, float64[points] each.
     """
     rng = np.random.default_rng(seed)
     runs = len(curves)
-    there = ~np.isnan(curves)
-    values = np.where(there, curves, 0.0)
-    # Resample the number of times that each run is drawn: this takes only two matrix products.
+    # Resample the number of times that each run is drawn: this takes only a matrix product.
     counts = rng.multinomial(runs, np.full(runs, 1 / runs), size=RESAMPLES).astype(np.float64)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = values.sum(0) / there.sum(0)
-        means = (counts @ values) / (counts @ there)
-    ends = np.full((2, curves.shape[1]), np.nan)
-    for point in np.flatnonzero(there.any(0)):
-        found = means[:, point]
-        ends[:, point] = np.quantile(found[~np.isnan(found)], ENDS)
-    return mean, ends[0], ends[1]
+    low, high = np.quantile(counts @ curves / runs, ENDS, axis=0)
+    return curves.mean(0), low, high
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,9 +90,9 @@ def curves_of(
         SettingError: there are no metrics, or no such column.
     """
     path, names = Path(path), [metric] if isinstance(metric, str) else list(metric)
-    if path.name == METRICS and os.path.exists(path.parent / CONFIG):
+    if path.name == METRICS and has_run(path.parent):
         path = path.parent
-    if not os.path.exists(path / CONFIG) and is_foreign(path):
+    if not has_run(path) and is_foreign(path):
         found = read_foreign(path, names, steps, over)
         along = "steps" if over == "decisions" else over
         return [
@@ -156,7 +147,7 @@ def _pooled_runs(
     parts = [np.searchsorted(ends, of_run) for of_run in at]
     values = np.full((len(runs), len(ends)), np.nan)
     for number, (rows, part) in enumerate(zip(runs, parts, strict=True)):
-        sums = any(EPISODE_MEANS.get(metric) in row for row in rows)
+        sums = any({"episodes", EPISODE_MEANS.get(metric)} <= {*row} for row in rows)
         for point in np.unique(part):
             pooled = [row for row, own in zip(rows, part, strict=True) if own == point]
             values[number, point] = _mean_episode(pooled, metric) if sums else _mean(pooled, metric)
@@ -164,7 +155,10 @@ def _pooled_runs(
 
 
 def _ends(at: Sequence[np.ndarray], points: int) -> np.ndarray:
-    """The last position of each point, float64[<= points]; every run has rows for every point."""
+    """The last position of each point, float64[<= points].
+
+    Between its first and its last row, every run has rows for every point.
+    """
     places = np.unique(np.concatenate(at))
     for count in range(min(points, len(places)), 1, -1):
         ends = np.array([part[-1] for part in np.array_split(places, count)])
@@ -210,7 +204,8 @@ def save_plot(
         title: title of the plot.
 
     Raises:
-        SettingError: a suffix is wrong, or matplotlib is missing.
+        SettingError: a suffix is wrong, matplotlib is missing, or a curve has no point where all
+            its runs have values.
         OutputError: a file cannot be written.
     """
     for path in paths:
@@ -233,7 +228,7 @@ def save_figure(figure: Figure, paths: Sequence[Path]) -> None:
 
 
 def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Figure:
-    """The plot as a matplotlib figure."""
+    """The plot as a matplotlib figure; raises as `save_plot`."""
     figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     for curve in curves:
@@ -242,6 +237,12 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         kept = curve.values if lost == runs else np.delete(curve.values, curve.diverged, 0)
         mean, low, high = band(kept)
         there = ~np.isnan(mean)
+        if not there.any():
+            raise SettingError(
+                f"{curve.label}: there is no point where all {runs} runs have a value of {metric!r}"
+                if runs > 1
+                else f"{curve.label} has no value of {metric!r}"
+            )
         many = [f"{runs} runs"] * (runs > 1)
         many += [f"{lost} diverged" if runs > 1 else "diverged"] * bool(lost)
         count = f" ({', '.join(many)})" if many else ""

@@ -252,6 +252,17 @@ class RunFolder:
                 path.rmdir() if os.path.isdir(path) else path.unlink()
 
 
+def has_run(path: Path) -> bool:
+    """Whether a folder has a run, perhaps a damaged one, not just the config of another program."""
+    if not os.path.lexists(path / CONFIG):
+        return False
+    try:
+        plain = read_json(path / CONFIG, "the config of a run")
+    except SettingError:
+        return True
+    return isinstance(plain, dict) and "format" in plain
+
+
 def _no_run(path: Path) -> str:
     """The message that a path has no run; it names runs below the path."""
     if os.path.isfile(path):

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import SettingError, nearest, one_line
 from ...files import name_of, read_text, reason_of
+from .folder import has_run
 from .metrics import EPISODE_MEANS, LONGEST, METRICS, Row, is_finite_number
 
 Over = Literal["decisions", "minutes"]
@@ -143,9 +144,15 @@ def _foreign(label: str, metric: str, runs: Iterable[list[tuple[float, Row]]]) -
 
 
 def _event_folders(path: Path) -> list[Path]:
+    """The folders with event files at any depth, without those of our own runs."""
     if not os.path.isdir(path):
         return []
-    return sorted({file.parent for file in path.rglob(EVENTS) if os.path.isfile(file)})
+    folders = {file.parent for file in path.rglob(EVENTS) if os.path.isfile(file)}
+    return sorted(
+        folder
+        for folder in folders
+        if not any(has_run(path / part) for part in folder.relative_to(path).parents)
+    )
 
 
 def _read_events(path: Path, metrics: Sequence[str], over: Over) -> Foreign:
