@@ -3,8 +3,9 @@
     python -m examples.gymnasium_ppo
     python -m examples.gymnasium_ppo --id jaxenstein/key-door-v0 --updates 500
 
-It runs on any vector environment with images, discrete actions and next-step reset, the default of
-`gymnasium.make_vec`. `jaxenstein` is imported only to register its ids.
+It runs on this package's environments with next-step reset, the default of `gymnasium.make_vec`.
+Others need other settings in `main`, and a sum of rewards in place of `infos["episode_return"]`.
+`jaxenstein` is imported only to register its ids.
 """
 
 from __future__ import annotations

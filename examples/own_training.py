@@ -106,7 +106,8 @@ def run(
         name: name of the agent.
 
     Returns:
-        The weights and the results; NAME-ENV-SEED.json has the results for `jaxenstein score`.
+        The weights and the results; NAME-ENV-SEED.json has the results for `jaxenstein score`, or
+        NAME-suite-ENV-SEED.json those in a task of the benchmark.
     """
     options.out.mkdir(parents=True, exist_ok=True)
     settings = Settings(envs=options.envs, steps=options.steps, epochs=2, minibatches=4)
@@ -117,7 +118,7 @@ def run(
     trainer = Trainer(*world, network, optimiser, settings)
     training = trainer.begin(jax.random.key(options.seed), weights, options.hidden)
     done, named = 0, ("episodes", "return", "length")
-    file = f"{name}-{world[0].name}-{options.seed}"
+    file = f"{name}-{'suite-' * bool(options.task)}{world[0].name}-{options.seed}"
     with logs(options.out, file, {key: str(value) for key, value in vars(options).items()}) as told:
         while done < options.updates:
             training, report = trainer.run(training, min(options.every, options.updates - done))

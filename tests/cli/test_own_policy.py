@@ -79,6 +79,14 @@ def test_evaluate_plays_own_policy(module: str, capsys: pytest.CaptureFixture[st
         assert getattr(film, "n_frames", 1) > 20
 
 
+def test_the_draw_that_a_policy_is_made_for_is_printed(
+    module: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["evaluate", "--policy", f"{module}:forward", *WORLD, "--episodes", "1"]
+    assert main([*arguments, "--param", "turn_angle=0.1:0.4"]) == 0
+    assert ", drawn from 0.1:0.4 by --seed 0" in capsys.readouterr().out
+
+
 def test_memory_resets_with_each_episode(module: str) -> None:
     env, params = jaxenstein.from_ascii("#######\n#S...G#\n#######", heading=0, height=8, width=12)
     from jaxenstein.cli.opening import import_modules

@@ -68,6 +68,13 @@ def test_score_from_returns_only(words: list[str], capsys: pytest.CaptureFixture
     )
 
 
+def test_single_runs_have_no_interval(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Resampling one run would give an interval without width."""
+    files = {f"{name}.json": results_of("simple", [[1.0, 0.5]], name) for name in ("a", "b")}
+    assert main(["score", *map(str, write_all(tmp_path, files))]) == 0
+    assert capsys.readouterr().out.endswith("higher than b, ties counted half: 0.500\n")
+
+
 def test_aggregates_and_files(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

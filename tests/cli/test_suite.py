@@ -109,7 +109,10 @@ def test_train_evaluate_score(
         (["--set", "look=plain"], "--suite does not accept --set"),
         (["--grid", "clip=0.1,0.2"], "--suite does not accept --grid"),
         (["--rnd-loss", "2"], "rnd_loss has no effect on ppo, only on rnd"),
-        (["--total-steps", "100"], "--suite does not accept --total-steps; --budget X"),
+        (
+            ["--total-steps", "100"],
+            "--suite does not accept --total-steps, as a flag or in a config; --budget X",
+        ),
         (["--budget", "0.00001"], "rollout = 8192, one update, not 30"),
         (["--budget", "-1"], "--budget"),
         (["--tasks", "simple", "t-mase"], "no task 't-mase', did you mean 't-maze'"),
@@ -128,7 +131,7 @@ def test_evaluate_refuses_conflicting_arguments(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for words, told in (
-        (["evaluate", "none", "--suite"], "none has no run of t-maze, simple: "),
+        (["evaluate", "none", "--suite"], "none is not a folder of 'jaxenstein train --suite'"),
         (["evaluate", "none", "--suite", "--env", "simple"], "--suite does not accept --env"),
         (["evaluate", "none", "--suite", "--param", "a=1"], "--suite does not accept --param"),
         (["evaluate", "none", "--suite", "--gif", "a.gif"], "--suite does not accept --gif"),

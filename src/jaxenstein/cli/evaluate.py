@@ -147,7 +147,9 @@ def run(options: argparse.Namespace) -> None:
         return
     evaluated = _own(options) if options.policy is not None else _trained(options)
     env = evaluated.env
-    with written_anyway(options.json, lambda path: _write(path, [*evaluated.results.values()])):
+    with written_anyway(
+        options.json, lambda path: write_results(path, [*evaluated.results.values()])
+    ):
         print(evaluated.heading)
         print(end=_split_of(env) + _ranges_of(evaluated.results) + _ignored(evaluated.results))
         print(table(evaluated.results))
@@ -187,17 +189,13 @@ def _suite(options: argparse.Namespace, tasks: Sequence[suite.Task]) -> None:
             told = f"{path} has {len(played)} of {len(tasks)} tasks"
             print(f"jaxenstein: warning: {told}", file=sys.stderr)
         if played:
-            _write(path, [one for _, one in played])
+            write_results(path, [one for _, one in played])
 
     # After an interruption or an error, the file has the finished tasks.
     with written_anyway(options.json, write):
         for one in suite_commands.evaluated(options, tasks):
             played.append(one)
         print(suite_commands.table(played))
-
-
-def _write(path: Path, results: list[Results]) -> None:
-    write_results(path, results)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,8 +220,9 @@ def _own(options: argparse.Namespace) -> Evaluated:
     given = named(given_options(options), "evaluate")
     env, params, where = open_environment(given, ranges=True)
     heading = f"{options.policy} in {where}: {options.episodes} episodes"
-    # These params serve the film; the evaluation draws its own for each episode.
-    shown = drawn(params, options.seed) if options.gif is None else drawn_by(params, options.seed)
+    # For the film and the user's function; the evaluation draws its own numbers for each episode.
+    told = is_own(options.policy) or options.gif is not None
+    shown = drawn_by(params, options.seed) if told else drawn(params, options.seed)
     if not is_own(options.policy):
         results = evaluate_player(env, params, options.policy, options.episodes, options.seed)
         scripted = Scripted(player_of(env, options.policy), env, shown, options.policy)

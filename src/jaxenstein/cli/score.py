@@ -185,9 +185,14 @@ def _print(
     if chances:
         print()
     for other, chance in chances.items():
+        first = next(iter(compared))
+        runs = [
+            len(results.names) for policy in (first, other) for results in compared[policy].values()
+        ]
+        interval = f", 95 % {between(chance, '.3f')}" if max(runs) > 1 else ""
         print(
-            f"probability that {next(iter(compared))} scores higher than {other}, ties counted "
-            f"half: {chance.value:.3f}, 95 % {between(chance, '.3f')}"
+            f"probability that {first} scores higher than {other}, ties counted half: "
+            f"{chance.value:.3f}{interval}"
         )
 
 
@@ -291,7 +296,7 @@ def table_of_aggregates(summary: Summary) -> str:
             one = found[name]
             row += [f"{one.value:z.3f}", "-" if single else between(one, ".3f")]
         rows.append(tuple(row))
-    return format_table(rows, right=tuple(range(1, 9)))
+    return format_table(rows, right=range(1, len(rows[0])))
 
 
 def table_of_abilities(summary: Summary) -> str:

@@ -69,7 +69,7 @@ def planned(
     if fixed:
         flags = ", ".join(map(flag_of, sorted(fixed)))
         raise UsageError(
-            f"jaxenstein train: --suite does not accept {flags}"
+            f"jaxenstein train: --suite does not accept {flags}, as a flag or in a config"
             + ("; --budget X multiplies the decisions" * ("total_steps" in fixed))
         )
     resolve = baselines("options").resolve
@@ -112,7 +112,7 @@ def evaluated(
             yield task, play(task, options.episodes, options.seed, notify)
 
 
-Play = Callable[[suite.Task, int, int, Callable[[float], object]], "Results"]
+Play = Callable[[suite.Task, int, int, Callable[[float], object]], Results]
 
 
 def _policy(options: argparse.Namespace, tasks: Sequence[suite.Task]) -> Play:
@@ -172,6 +172,8 @@ def _runs(folder: Path, chosen: suite.Suite, tasks: Sequence[suite.Task]) -> Pla
     """Test the agents of `jaxenstein train --suite`."""
     agents, config = baselines("agents"), baselines("folder").CONFIG
     if missing := [task.id for task in tasks if not os.path.exists(folder / task.id / config)]:
+        if not any(os.path.exists(folder / task.id / config) for task in suite.TASKS):
+            raise SettingError(f"{folder} is not a folder of 'jaxenstein train --suite'")
         raise SettingError(
             f"{folder} has no run of {', '.join(missing)}: repeat the command 'jaxenstein train "
             "--suite' with --resume, or name other tasks with --tasks"

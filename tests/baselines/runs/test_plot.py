@@ -189,6 +189,12 @@ def test_minutes_add_up_over_sessions(folder: Path) -> None:
     np.testing.assert_allclose(read_seconds(folder, 6), [30, 45, 60, 105, 135, 165])
     (curve,) = curves_of(folder, "success", points=3, over="minutes")
     np.testing.assert_allclose(curve.at, [0.75, 1.75, 2.75])
+    # A session that begins at an older checkpoint, with other updates between its rows.
+    clock = [(2, 10), (4, 20), (6, 30), (4, 0), (5, 7), (7, 14)]
+    rows = [json.dumps({"update": update, "seconds": s}) for update, s in clock]
+    (folder / "timing.jsonl").write_text("\n".join([*rows, ""]))
+    np.testing.assert_allclose(read_seconds(folder, 7), [10, 10, 20, 30, 37, 40.5, 44])
+    (folder / "timing.jsonl").write_text("")
     assert plot([curve], "success").axes[0].get_xlabel() == "minutes"
 
 

@@ -193,6 +193,8 @@ def test_damaged_and_missing_files_are_refused(
         load_policy(tmp_path / "none.npz")
     with pytest.raises(SettingError, match=r"agent\.zip should end in \.npz"):
         export_policy(folder.path, tmp_path / "agent.zip")
+    with pytest.raises(SettingError, match=r"a\.npz would overwrite .*a\.npz"):
+        export_policy(tmp_path / "a.npz", tmp_path / "a.npz")
     wrong: Any
     for wrong, told in (
         ({"weights": "float64"}, "weights must be one of 'float16', 'float32', not 'float64'"),

@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import SettingError, quoted
 from ...evaluation import episodes_done
 from ...fields import Domain, check_seed, check_value, check_whole, is_whole
-from ...files import check_writable
+from ...files import check_apart, check_writable
 from ...params import split_ranges
 from ...results import GAME, Results
 from ..divergence import METRIC
@@ -94,6 +94,7 @@ def export_policy(
     out = Path(out)
     if out.suffix != SUFFIX:
         raise SettingError(f"{out} should end in {SUFFIX}")
+    check_apart([out, None if program is None else Path(program)], [path])
     check_writable(out)
     if program is not None:
         check_program(program)

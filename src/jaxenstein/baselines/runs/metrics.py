@@ -211,7 +211,11 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
             now = float(row["seconds"])
             if not is_finite_number(now):
                 raise ValueError(f"{now} seconds")
-            total += now - before if now >= before else now
+            if now < before:
+                # The new session repeats the updates after its checkpoint.
+                done = {update: at for update, at in done.items() if update <= row["update"]}
+                before = 0.0
+            total += now - before
             done[int(row["update"])], before = total, now
     except OSError as error:
         raise SettingError(f"cannot read {path}: {reason_of(error)}") from error
