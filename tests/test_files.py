@@ -114,6 +114,17 @@ def test_unwritable_folder_is_reported(tmp_path: Path, monkeypatch: pytest.Monke
         check_links(tmp_path)
 
 
+def test_links_of_weights_and_biases_do_not_matter(tmp_path: Path) -> None:
+    """It links to its cache from every run."""
+    logs = tmp_path / "run" / "wandb" / "run-1" / "logs"
+    logs.mkdir(parents=True)
+    (logs / "debug-core.log").symlink_to(tmp_path / "cache.log")
+    check_links(tmp_path / "run")
+    (tmp_path / "run" / "other").symlink_to(tmp_path)
+    with pytest.raises(jaxenstein.SettingError, match="is a link out of"):
+        check_links(tmp_path / "run")
+
+
 def test_too_long_name_is_reported_before_anything_is_created(tmp_path: Path) -> None:
     for path in (tmp_path / ("a" * 300), tmp_path / ("a" * 300) / "b.gif"):
         with pytest.raises(OutputError, match=r"^cannot write .*: file name too long$"):

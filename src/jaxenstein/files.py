@@ -164,6 +164,8 @@ def check_apart(outputs: Sequence[Path | None], inputs: Sequence[str | Path | No
 def check_links(folder: str | Path) -> None:
     """Check before the first write that everything below a folder stays inside it.
 
+    Folders `wandb` are not searched: Weights & Biases links to its cache from there.
+
     Raises:
         SettingError: an entry is a link out of the folder, a file with another name elsewhere
             (a hard link), or neither a file nor a folder.
@@ -186,6 +188,7 @@ def check_links(folder: str | Path) -> None:
                 )
             if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
                 raise SettingError(f"{entry} is neither a file nor a folder")
+        names[:] = [name for name in names if name != "wandb"]
 
 
 def check_writable(path: str | Path) -> None:

@@ -17,8 +17,9 @@ from .tasks.steering import HEADING
 
 # Texts that belong to a map: its name, and what is stored in files beside it.
 MAP_TEXTS = ("name", "regions", "faces")
-# The options that name an environment.
-PLACES = ("env", "map", "map_file", "heading", *MAP_TEXTS)
+# The options that name an environment, and those that belong to its map.
+PLACES = ("env", "map", "map_file")
+OF_MAP = ("heading", *MAP_TEXTS)
 
 
 @functools.cache
@@ -71,8 +72,14 @@ def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
 
     Tables are merged entry by entry. An environment in `above` replaces the one in `below`.
     """
-    gone = PLACES if any(name in above for name in PLACES) else ()
-    merged: dict[str, Any] = {name: value for name, value in below.items() if name not in gone}
+    merged = dict(below)
+    gone = {*PLACES, *OF_MAP} if any(name in above for name in PLACES) else set()
+    # Options that can also stand in a table.
+    if "max_steps_in_episode" in (above.get("params") or {}):
+        gone |= {"horizon"}
+    if "settings" in merged:
+        merged["settings"] = {n: v for n, v in (merged["settings"] or {}).items() if n not in above}
+    merged = {name: value for name, value in merged.items() if name not in gone}
     for name, value in above.items():
         before = merged.get(name)
         if isinstance(value, dict) and isinstance(before, dict):
@@ -123,7 +130,7 @@ def spec_from(given: Mapping[str, Any]) -> Spec:
     if "horizon" in given:
         params["max_steps_in_episode"] = given["horizon"]
     if "map" in given:
-        own = {name: given[name] for name in (*MAP_TEXTS, "heading") if name in given}
+        own = {name: given[name] for name in OF_MAP if name in given}
         settings = own | settings | {"text": given["map"]}
     spec = Spec(given.get("env"), 0, settings, {})
     env, defaults = spec.build(warn=True)
@@ -158,7 +165,7 @@ def given_by(spec: Spec) -> dict[str, Any]:
     given: dict[str, Any] = {"env": spec.id}
     if spec.id is None:
         given = {"map": settings.pop("text")}
-    for name in ("heading", *MAP_TEXTS, *SETTINGS):
+    for name in (*OF_MAP, *SETTINGS):
         if settings.get(name) is not None:
             given[name] = settings.pop(name)
     return given | {"settings": settings, "params": dict(spec.params)}

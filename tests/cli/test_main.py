@@ -104,6 +104,15 @@ def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -
     assert max(len(line) for line in out.splitlines()) <= 100
 
 
+def test_help_shows_the_form_and_default_of_seeds(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("optax")
+    for command, default in (("train", 1), ("sweep", 5)):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        shown = " ".join(capsys.readouterr().out.split())
+        assert re.search(rf" --seeds N [^(]*\([^)]*default {default}\)", shown)
+
+
 def test_help_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     out = capsys.readouterr().out

@@ -111,11 +111,12 @@ def size(text: str) -> tuple[int, int]:
     )
 
 
-# The placeholder of a value in the help, by the name of its option or by the form of the value.
+# The placeholder of a value in the help, by the form of the value, or by the name of its option.
 METAVARS = {
     "whole": "N", "number": "X", "choice": "NAME", "text": "TEXT", "layers": "KxSxF,...",
-    "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER", "env": "ID", "map_file": "FILE",
+    "angle": "DEGREES", "seeds": "FIRST,STOP", "images": "FOLDER",
 }  # fmt: skip
+METAVARS_BY_NAME = {"env": "ID", "map_file": "FILE"}
 # Options that are tables: their flag and the form of one entry. Then aliases of other flags.
 TABLES = {
     "settings": ("--set", "NAME=VALUE"),
@@ -185,7 +186,7 @@ def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
     elif option.domain.form == "switch":
         group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
     else:
-        metavar = METAVARS.get(option.name, METAVARS[option.domain.form])
+        metavar = METAVARS_BY_NAME.get(option.name, METAVARS[option.domain.form])
         group.add_argument(*flags, type=reader(option.domain), metavar=metavar, **common)
 
 

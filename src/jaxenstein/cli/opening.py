@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import importlib
 import json
 import os
@@ -200,8 +201,10 @@ def _tell(warning: str) -> None:
 
 
 def with_map(given: Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Replace the option `map_file`, a path relative to `folder`, by the texts of that file."""
+    """Replace the option `map_file` by the texts of that file; paths are relative to `folder`."""
     given = dict(given)
+    if given.get("textures"):
+        given["textures"] = str(folder / given["textures"])
     if "map_file" in given:
         texts = read_map(Path(given.pop("map_file")), folder)
         texts["map"] = texts.pop("text")
@@ -264,9 +267,14 @@ def add_config(parser: argparse._ActionsContainer) -> None:
     flag(parser, "--config FILE", help, Path)
 
 
-def add_training_options(parser: Parser, without: Sequence[str] = ()) -> None:
-    """Add a flag for every option of a training not in `without`."""
-    add_options(parser, baselines("options").all_options(), without)
+def add_training_options(
+    parser: Parser, without: Sequence[str] = (), seeds: int | None = None
+) -> None:
+    """Add a flag for every option of a training not in `without`; `seeds` is another default."""
+    options = dict(baselines("options").all_options())
+    if seeds is not None:
+        options["seeds"] = dataclasses.replace(options["seeds"], default=seeds)
+    add_options(parser, options, without)
 
 
 def named(given: dict[str, Any], command: str) -> dict[str, Any]:

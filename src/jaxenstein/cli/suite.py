@@ -19,7 +19,7 @@ from ..intervals import mean_interval
 from ..players import player_of
 from ..progress import Progress
 from ..results import Results
-from ..settings import PLACES, environment_options
+from ..settings import MAP_TEXTS, environment_options
 from .arguments import UsageError, flag_of
 from .listing import between, format_table
 from .opening import baselines, printing_warnings
@@ -65,7 +65,7 @@ def planned(
         JAXensteinError: an option has a wrong value.
     """
     chosen = suite.suite_of(name)
-    fixed = {*environment_options(), *PLACES, "total_steps", "grid"} & {*given}
+    fixed = {*environment_options(), *MAP_TEXTS, "total_steps", "grid"} & {*given}
     if fixed:
         flags = ", ".join(map(flag_of, sorted(fixed)))
         raise UsageError(

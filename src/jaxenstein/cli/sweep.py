@@ -61,7 +61,7 @@ def fill(parser: Parser) -> None:
     flag(out, "--at-once N", few, whole())
     flag(out, "--no-grid", "train a single point, with the given or default hyperparameters")
     add_training(parser)
-    add_training_options(parser, without=("algo",))
+    add_training_options(parser, without=("algo",), seeds=baselines("sweeps").SEEDS)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import functools
 import math
 import os
@@ -211,6 +212,8 @@ def train_one(options: argparse.Namespace) -> int:
     again = ["jaxenstein", "train", "--out", str(folder.path), "--resume"]
     again += [word for module in modules for word in (IMPORT, module)]
     again += [] if options.cores is None else ["--cores", str(options.cores)]
+    again += [] if options.wandb is None else ["--wandb", options.wandb]
+    again += ["--no-tensorboard"] * (options.tensorboard is False)
     return carry_out([lambda: folder], options, shlex.join(again))
 
 
@@ -259,7 +262,8 @@ def open_run(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
             f"jaxenstein: {path} already has a run: --resume continues it, or choose another folder"
         )
     try:
-        return runs.RunFolder.open_or_create(path, experiment)
+        # A copy, whose compiled programs are freed with it.
+        return runs.RunFolder.open_or_create(path, dataclasses.replace(experiment))
     except SettingError as error:
         again = "; repeat the options that the training was started with"
         raise SettingError(f"{error}{again if resume else ''}") from error

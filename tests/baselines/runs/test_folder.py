@@ -210,6 +210,26 @@ def test_folder_holds_one_run_of_one_process(whole: RunFolder) -> None:
         train(RunFolder.open(whole.path))
 
 
+def test_checkpoints_of_another_run_are_not_adopted(whole: RunFolder, tmp_path: Path) -> None:
+    shutil.copytree(whole.path, tmp_path / "run")
+    (tmp_path / "run" / CONFIG).unlink()
+    with pytest.raises(SettingError, match=r"has checkpoints of a run without its config\.json"):
+        RunFolder.create(tmp_path / "run", whole.experiment)
+
+
+def test_file_systems_without_locks_can_hold_runs(
+    whole: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+
+    def fail(*given: Any) -> None:
+        raise OSError(errno.ENOSYS, "not implemented")
+
+    monkeypatch.setattr(fcntl, "flock", fail)
+    with whole.locked():
+        pass
+
+
 def test_error_says_why_folder_is_no_run(whole: RunFolder, tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r"there is no run in .*: it has no config.json"):
         RunFolder.open(tmp_path)

@@ -23,11 +23,12 @@ from jaxenstein.baselines.runs.options import (
     NETWORKS,
     RECIPES,
     all_options,
+    check_effect,
     given_by,
     read_file,
     resolve,
 )
-from jaxenstein.settings import merge
+from jaxenstein.settings import changed, merge
 from jaxenstein.tasks.first_person import FirstPerson
 from tests.baselines.tiny import tiny
 
@@ -229,6 +230,37 @@ def test_flags_override_config_file(tmp_path: Path) -> None:
     experiment = resolve(QUICK | given)
     assert experiment.environment.id is None
     assert resolve(QUICK | merge(read, {"env": "simple"})).environment.id == "simple"
+    # A heading belongs to the map of the file.
+    turned = resolve(QUICK | merge(given, {"heading": 0.5})).environment
+    assert turned == changed(experiment.environment, {"heading": 0.5})
+    assert (turned.settings["text"], turned.settings["heading"]) == (read["map"], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("below", "above"),
+    [
+        ({"settings": {"frame_skip": 4}}, {"frame_skip": 6}),
+        ({"frame_skip": 4}, {"settings": {"frame_skip": 6}}),
+        ({"horizon": 4}, {"params": {"max_steps_in_episode": 6}}),
+        ({"params": {"max_steps_in_episode": 4}}, {"horizon": 6}),
+    ],
+)
+def test_flags_override_options_that_stand_elsewhere_in_the_file(
+    below: dict[str, Any], above: dict[str, Any]
+) -> None:
+    spec = resolve(QUICK | merge({"env": "simple", **below}, above)).environment
+    assert 6 in (spec.settings.get("frame_skip"), spec.params.get("max_steps_in_episode"))
+
+
+def test_options_without_effect_are_refused() -> None:
+    for name, algo in (
+        ("normalise_bonus", "ppo"),
+        ("bonus_values", "ppo"),
+        ("bonus_values", "rnd"),
+    ):
+        with pytest.raises(SettingError, match=f"{name} has no effect on {algo}, only on"):
+            check_effect([name], [algo])
+    check_effect(["normalise_bonus", "bonus_values"], ["icm"])
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,10 @@ class RunFolder:
             raise SettingError(
                 f"{self.path} already has a run: --resume continues it, or choose another folder"
             )
+        if self.checkpoints.updates():
+            raise SettingError(
+                f"{self.path} has checkpoints of a run without its {CONFIG}: choose another folder"
+            )
 
     @classmethod
     def open(cls, path: str | Path) -> RunFolder:
@@ -284,8 +288,11 @@ def _take(file: IO[str]) -> bool:
         return True
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         return False
+    except OSError:
+        # Some network file systems have no such lock either.
+        return True
     # If another process has removed the file in the meantime, it locks nothing.
     return os.fstat(file.fileno()).st_nlink > 0
 
@@ -326,5 +333,5 @@ def run_names(experiment: Experiment) -> list[str]:
 
 def versions() -> dict[str, str]:
     """The versions that a run depends on; other versions may change its bits."""
-    facts = made_by()
-    return {name: facts[name] for name in ("jaxenstein", "jax", "python", "device")}
+    facts = made_by() | {"devices": str(jax.device_count())}
+    return {name: facts[name] for name in ("jaxenstein", "jax", "python", "device", "devices")}

@@ -264,8 +264,10 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
 def check_effect(names: Iterable[str], algos: Sequence[str]) -> None:
     """Raise a `SettingError` if an option changes the training of none of these algorithms."""
     for name in names:
-        if name.startswith("bonus_"):
+        if "bonus" in name:
             users = [algo for algo, row in algorithms().items() if row.bonus is not NoBonus]
+            if name == "bonus_values":
+                users.remove("rnd")  # It always has a value head for the bonus.
         else:
             users = [algo for algo, row in algorithms().items() if name in names_of(row.options)]
         if users and not {*users} & {*algos}:

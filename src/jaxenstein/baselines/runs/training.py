@@ -130,7 +130,7 @@ def _check_versions(folder: RunFolder) -> None:
     others = [
         f"{name} {before[name]}, not {value}"
         for name, value in versions().items()
-        if name in ("jaxenstein", "jax", "device") and before.get(name, value) != value
+        if name != "python" and before.get(name, value) != value
     ]
     if others:
         warnings.warn(
