@@ -40,6 +40,14 @@ def test_wrong_numbers_are_refused_on_input(name, value, message):
                 enter(wrong)
 
 
+def test_numbers_keep_the_dtype_so_that_nothing_compiles_again():
+    params = jaxenstein.make("simple", **SIZE)[1]
+    step = jax.jit(lambda params: (params.goal_radius, params.max_steps_in_episode))
+    for changes in ({}, {"goal_radius": 0.3}, {"goal_radius": 1}, {"max_steps_in_episode": 5}):
+        step(params.replace(**changes))
+    assert step._cache_size() == 1
+
+
 def test_tracers_and_placeholders_pass():
     env, params = jaxenstein.make("simple", **SIZE)
     far = jax.jit(lambda x: params.replace(move_distance=x).move_distance * 2)

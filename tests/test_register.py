@@ -189,6 +189,21 @@ def test_specs_name_the_module_and_import_nothing(importable: str, name: str) ->
         spec.build()
 
 
+def test_a_function_need_not_take_the_settings_of_every_environment() -> None:
+    def plain(hud: bool = False) -> HealthGathering:
+        return HealthGathering(hud=hud, height=8, width=8)
+
+    jaxenstein.register("plain", plain)
+    env, params = make("plain", hud=True)
+    built, _ = spec_of(env, params).build()
+    assert (built.hud, built.autoreset, env.autoreset) == (True, None, "same-step")
+
+
+def test_ids_of_other_packages_do_not_hide_a_class(importable: str) -> None:
+    jaxenstein.register("Slow", Fruit)
+    assert type(make(f"{importable}:Slow", number=5)[0]).__name__ == "Slow"
+
+
 def test_map_can_have_the_name_of_an_id() -> None:
     text = "#####\n#S.G#\n#####"
     env, params = jaxenstein.from_ascii(text, name="health-gathering", heading=0, **SIZE)

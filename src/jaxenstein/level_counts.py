@@ -78,12 +78,18 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
     # A single level is a deliberate choice.
     if count is None or not count.exact or seeds is None or seeds[1] - seeds[0] == 1:
         return
+    # The count is that of the id's own settings.
+    from .registry import make_with
+
+    if _all_levels(env) != _all_levels(make_with(env.name, {})[0]):
+        return
     share = 1 - (1 - 1 / count.levels) ** (seeds[1] - seeds[0])
     if share >= MUCH:
         warnings.warn(
-            f"{env.name} has {count.levels:,} levels, and levels=({seeds[0]}, {seeds[1]}) covers "
-            f"about {share:.0%} of them: other seeds draw the same levels again; to test on "
-            "unseen levels use split='train' and split='test'",
+            f"{env.name} has {count.levels:,} level{'s' * (count.levels > 1)}, and "
+            f"levels=({seeds[0]}, {seeds[1]}) covers about {share:.0%} of them: "
+            "other seeds draw the same levels again; to test on unseen levels use split='train' "
+            "and split='test'",
             LevelWarning,
             stacklevel=stacklevel,
         )
@@ -106,6 +112,10 @@ def _check_split(env: Any) -> None:
         f"test_fraction={fraction:g}; give a {'larger' if empty[0] == 'test' else 'smaller'} "
         f"test_fraction{' or more levels' * (env.level_range is not None)}"
     )
+
+
+def _all_levels(env: Any) -> Any:
+    return dataclasses.replace(_bare(env), levels=None)
 
 
 def _bare(env: Any) -> Any:

@@ -17,6 +17,7 @@ from .fields import (
     check_value,
     domain_of,
     is_array_like,
+    is_number,
     is_whole,
     names_of,
     values_of,
@@ -94,7 +95,16 @@ class Params(PyTreeNode):
         # The `in_axes` of `jax.vmap` are trees of this class too, but hold no numbers.
         if all(is_array_like(getattr(self, name)) for name in set(names) - set(ranges_of(self))):
             check_numbers(after, skip=set(names) - set(changes) | set(ranges))
-        return after
+        # JAX would compile again for a Python number in place of an array.
+        arrays = {name: getattr(self, name) for name, value in changes.items() if is_number(value)}
+        typed = {
+            name: (jnp if isinstance(before, jax.Array) else np).asarray(
+                changes[name], before.dtype
+            )
+            for name, before in arrays.items()
+            if hasattr(before, "dtype")
+        }
+        return super(Params, after).replace(**typed)
 
     def check(self) -> None:
         """Check the values that are already known.

@@ -188,7 +188,8 @@ def find(id: Any) -> tuple[str, Row]:
         )
     name = ALIASES.get(rest, rest) if isinstance(rest, str) else rest
     row = ENTRIES.get(name) if isinstance(name, str) else None
-    if row is not None:
+    # The module may register its ids in another one of its package.
+    if row is not None and (not colon or row.module.split(".")[0] == module.split(".")[0]):
         return name, row
     if colon:
         return id, _row_of_class(id, sys.modules[module], rest)

@@ -60,7 +60,7 @@ class Box:
     dtype: np.dtype = dataclasses.field(default_factory=lambda: np.dtype(np.float32))
 
     def sample(self, key: jax.Array) -> jax.Array:
-        """Sample uniformly between the bounds, or from [-1, 1] if the bounds are infinite."""
+        """Sample uniformly between the bounds; an infinite range is cut to a width of 2."""
         if np.issubdtype(self.dtype, np.integer):
             return jax.random.randint(key, self.shape, int(self.low), int(self.high) + 1).astype(
                 self.dtype

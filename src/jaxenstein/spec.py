@@ -108,14 +108,14 @@ class Spec:
         Raises:
             JAXensteinError: an id, setting or param does not exist or has a wrong value.
         """
-        settings = {**self.settings, "autoreset": None}
         with warnings.catch_warnings():
             if not warn:
                 warnings.simplefilter("ignore", MapWarning)
             if self.id is not None:
-                env, params = registry.make_with(self.id, settings)
+                env, params = registry.make_with(self.id, self.settings)
             else:
-                env, params = text_maps.from_ascii(**settings)
+                env, params = text_maps.from_ascii(**self.settings)
+        env = dataclasses.replace(env, autoreset=None, final_observation=False)
         return env, drawing.check_params(env, params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:

@@ -258,6 +258,19 @@ def test_expert_walks_around_closed_doors():
     assert (np.asarray(out.successes) >= 1).all()
 
 
+def test_objects_stay_out_of_the_walls_of_mazes_with_fewer_rooms():
+    env = Explore(kind="objects", height=8, width=8)
+    init = jax.jit(jax.vmap(lambda key: env.init_state(key, env.default_params)))
+    states = jax.device_get(init(jax.random.split(jax.random.key(0), 64)))
+    rooms = states.starting // env.starts
+    assert (rooms < env.plan.rooms).any()
+    for i in range(64):
+        column, row = np.floor(states.things[i]).astype(int).T
+        there = states.left[i]
+        assert not states.level.walls[i, 0][row, column][there].any()
+        assert (states.good[i] & there).sum() == there.sum() // 2 > 0
+
+
 def test_many_objects():
     states = first_states("object-rewards-many", 32)
     for i in range(32):

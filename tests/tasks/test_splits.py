@@ -285,6 +285,8 @@ def test_warns_if_many_seeds_have_few_levels() -> None:
         made(DOORS, levels=(0, 20))
         made("memory-maze-9x9", levels=(0, 10_000))
         made("minigrid-lava-gap-s5", levels=(4, 5))
+        # Its id has one level, but with this setting it has many.
+        made("minigrid-empty-8x8", random_start=True, levels=(0, 20))
     with pytest.warns(LevelWarning, match="split='train' and split='test'"):
         spec_from({"env": DOORS, "settings": {"levels": (0, 200)}})
 

@@ -178,9 +178,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         own = bits[cells : cells + most] >> 1
         places = places[jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), own))]
         index = np.arange(count, dtype=np.int32)
+        there = jnp.bool_(self.kind == "goal") | (index < maze.rooms * self.places // 2)
         good = jnp.ones(count, bool)
         if self.kind == "objects":
-            good = jnp.argsort(jnp.argsort(bits[-count:])) < count // 2
+            keys = jnp.where(there, bits[-count:] >> 1, jnp.uint32(2**32 - 1))
+            good = jnp.argsort(jnp.argsort(keys)) < jnp.sum(there, dtype=jnp.int32) // 2
         start = functools.partial(ObstructedState, closed=jnp.zeros(self.doors, bool))
         state = (start if self.doors else ExploreState)(
             position=jnp.zeros(2, jnp.float32),
@@ -190,7 +192,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             starting=maze.rooms * self.starts,
             places=places,
             things=places[:count],
-            there=jnp.bool_(self.kind == "goal") | (index < maze.rooms * self.places // 2),
+            there=there,
             good=good,
             left=jnp.zeros(count, bool),
         )
@@ -228,8 +230,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         objects = self.kind == "objects"
         bits = jax.random.bits(key, (2 + objects * len(state.places),), jnp.uint32)
         if objects:
-            order = jnp.argsort(bits[2:])[: len(state.things)]
-            state = state.replace(things=state.places[order])
+            # Places in rooms that the maze lacks come last, as in `init_state`.
+            count = state.starting // self.starts * self.places
+            lacking = np.arange(len(state.places), dtype=np.int32) >= count
+            order = jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), bits[2:] >> 1))
+            state = state.replace(things=state.places[order[: len(state.things)]])
         state = state.replace(
             position=state.starts[sample_index(bits[0], state.starting)],
             heading=sample_unit(bits[1]) * jnp.float32(2 * math.pi),

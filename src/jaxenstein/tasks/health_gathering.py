@@ -96,7 +96,8 @@ def greedy_medkits(env: HealthGathering, params: HealthGatheringParams) -> Choos
         distance = jnp.where(state.present, jnp.sum(offset**2, axis=-1), jnp.inf)
         offset = offset[jnp.argmin(distance)]
         in_reach = jnp.all(jnp.abs(offset) < params.pickup_reach)
-        needed = state.health <= FULL_HEALTH - params.heal
+        # A medkit that fills more than the life that is left still must not come too late.
+        needed = state.health <= jnp.maximum(FULL_HEALTH - params.heal, params.damage)
         wait = ~jnp.any(state.present) | (in_reach & ~needed)
         return jnp.where(wait, NO_OP, towards(body, env.scene(state, params), offset))
 

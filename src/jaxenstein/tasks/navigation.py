@@ -14,6 +14,7 @@ from ..about import About
 from ..engine.level import Level, compile_level
 from ..engine.scene import Theme
 from ..environment import Params, State
+from ..errors import SettingError, quoted
 from ..maps.ascii import load_layout
 from ..maps.things import GOAL, KEY, RGB
 from ..maps.tilemap import Cell, TileMap
@@ -83,6 +84,11 @@ class MapGoalTask(FixedMap[S, NavigationParams], GoalTask[S]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
+        if not isinstance(self.tilemap, TileMap):
+            raise SettingError(f"tilemap must be a TileMap, not {quoted(self.tilemap)}")
+        for part in ("spawns", "goals"):
+            if not len(getattr(self.tilemap, part)):
+                raise SettingError(f"the tilemap has no {part}; this task needs at least one")
         heading_range(self.heading)
         check_rgb("floor", self.floor, (2, 3))
         check_rgb("ceiling", self.ceiling, (3,))

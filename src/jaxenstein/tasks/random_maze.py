@@ -24,8 +24,10 @@ from ..pytree import PyTreeNode
 from .draws import sample_index
 from .maze_ways import shift, straighten
 
-# How often rooms are redrawn if there are too few; one in fifty 9x9 mazes still has too few.
+# How often rooms are redrawn if there are too few; one draw of fifty has too few in 9x9 mazes.
 TRIES = 16
+# The largest sum of the weights of rooms, apart from rounding.
+LARGEST = 2**23
 # (row, column) of the lattice's directions: east, west, south, north.
 _AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
@@ -119,7 +121,7 @@ def sample_in_rooms(bits: jax.Array, maze: RandomMaze, rooms: int, count: int) -
         bits: uint32[N * N], random.
         maze: the maze; rooms that it lacks get cells of its border.
         rooms: the largest number of rooms of a maze.
-        count: cells per room, at most 9.
+        count: cells per room, at most as many as the smallest room has.
     """
     size = maze.room.shape[0]
     index = np.arange(size * size, dtype=np.uint32)
@@ -166,8 +168,10 @@ def _rectangles(plan: MazePlan) -> tuple[np.ndarray, np.ndarray]:
                 mask[row : row + height + 1, column : column + width + 1] = True
                 masks.append(mask)
                 weights.append(likely / places)
-    scale = math.lcm(*(weight.denominator for weight in weights))
-    return np.stack(masks), np.array([int(weight * scale) for weight in weights], np.int32)
+    scale = Fraction(math.lcm(*(weight.denominator for weight in weights)))
+    # Larger sums would overflow, or be drawn from with rounding: round the weights here instead.
+    scale = min(scale, LARGEST / sum(weights))
+    return np.stack(masks), np.array([max(1, int(weight * scale)) for weight in weights], np.int32)
 
 
 def _sample_rooms(bits: jax.Array, plan: MazePlan) -> tuple[jax.Array, jax.Array]:

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from ..about import About, Event
+from ..engine.motion import length
 from ..engine.scene import Scene, Sprites
 from ..environment import Info, Scalar
 from ..maps.ascii import load_layout
@@ -70,7 +71,8 @@ class TMaze(MapGoalTask[MapGoalState]):
         """Move, and check whether one of the ends is reached."""
         state, reward, reached, events = super().transition(key, state, action, params)
         offset = centres(self.tilemap.goals) - state.position[None]
-        ends = jnp.sqrt(jnp.sum(offset**2, axis=-1)) <= params.goal_radius
+        # As for the goal, bit by bit: else the correct end could count as the wrong one.
+        ends = length(offset) <= params.goal_radius
         wrong = jnp.any(ends) & ~reached
         reward = reward + jnp.where(wrong, cast(TMazeParams, params).wrong_reward, 0)
         return state, reward, reached | wrong, events | {"reached_wrong_end": wrong}

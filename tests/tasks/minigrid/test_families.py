@@ -12,6 +12,9 @@ import jaxenstein
 from jaxenstein.catalogue import ENTRIES
 from jaxenstein.errors import SettingError
 from jaxenstein.tasks.minigrid.instructions import GoToDoor, Memory
+from jaxenstein.tasks.minigrid.open_rooms import Crossing, DynamicObstacles, FourRooms
+from jaxenstein.tasks.miniworld.objects import PutNext
+from jaxenstein.tasks.miniworld.sign import Sign
 from tests.tasks.minigrid.drawn import drawn
 from tests.tasks.minigrid.search import (
     BALL,
@@ -152,11 +155,24 @@ def test_number_of_environments():
 
 @pytest.mark.parametrize(
     ("kind", "settings", "match"),
-    [(GoToDoor, {"size": 4}, "size must be a whole number from 5"), (Memory, {"size": 6}, "size")],
+    [
+        (GoToDoor, {"size": 4}, "size must be a whole number from 5"),
+        (Memory, {"size": 6}, "size"),
+        (FourRooms, {"size": 8}, "size must be odd, not 8"),
+        (Crossing, {"size": 10}, "size must be odd, not 10"),
+        (DynamicObstacles, {"size": 4, "obstacles": 3}, "obstacles must be .* to 2"),
+        (PutNext, {"size": 3}, "size must be a whole number from 4"),
+        (Sign, {"size": 40}, "size"),
+    ],
 )
 def test_impossible_sizes_are_refused(kind, settings, match):
     with pytest.raises(SettingError, match=match):
         kind(**settings)
+
+
+def test_many_crossings_in_a_large_world():
+    env = Crossing(size=37, crossings=34)
+    jax.eval_shape(env.reset, jax.random.key(0), env.default_params)
 
 
 def test_levels_of_a_range_match_their_seeds():

@@ -109,7 +109,7 @@ class GoToObject(GoToDoor):
         return sketch.state(asked=(chosen[0], chosen[1]))
 
     def target(self, state: GridState) -> jax.Array:
-        """bool[rows, columns], the tile of the requested thing, or where it was picked up."""
+        """bool[rows, columns], the tile of the requested thing."""
         return self.tiles_of(state, self.asked_for(state))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...engine.motion import forward, touched_door
 from ...environment import Scalar
+from ...errors import SettingError
 from ...fields import check_whole, choice
 from ...maps.things import BLUE
 from ...params import number
@@ -66,6 +67,11 @@ class FourRooms(GridWorld):
 
     size: int = number(19, 7, 63)
 
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        _check_odd(self.size)
+
     def lay_out(self, key: jax.Array) -> GridState:
         """Walls, gaps, start and goal."""
         sketch, half = Sketch(key, self.size, self.size), self.size // 2
@@ -102,13 +108,14 @@ class Crossing(GridWorld):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
+        _check_odd(self.size)
         check_whole("crossings", self.crossings, 1, self.size - 3)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample the lines of obstacles, an order in which to cross them, and the gaps."""
         size, count = self.size, self.crossings
-        sketch = Sketch(key, size, size)
         places = np.arange(2, size - 2, 2, dtype=np.int32)
+        sketch = Sketch(key, size, size, draws=max(128, 2 * len(places) + 3 * count))
         chosen = sketch.shuffled(2 * len(places)) < count
         across, down = jnp.split(chosen, 2)
         # First the lines from north to south, by column, then those from west to east, by row.
@@ -139,6 +146,11 @@ class Crossing(GridWorld):
         else:
             sketch.spread(LAVA_KIND, 0, streams, self.crossings * (size - 3))
         return sketch.start((1, 1)).state()
+
+
+def _check_odd(size: int) -> None:
+    if size % 2 == 0:
+        raise SettingError(f"size must be odd, not {size}")
 
 
 def _limits(chosen: jax.Array, places: np.ndarray, last: int) -> jax.Array:
@@ -228,7 +240,8 @@ class DynamicObstacles(Empty):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        check_whole("obstacles", self.obstacles, 1, self.size // 2 + 1)
+        inside = (self.size - 2) ** 2 - 2  # without the start and the goal
+        check_whole("obstacles", self.obstacles, 1, min(self.size // 2 + 1, inside))
 
     def lay_out(self, key: jax.Array) -> GridState:
         """The room with its balls."""

@@ -103,7 +103,7 @@ class ThingsRoom(GridWorld):
         size: tiles along the room's side, without its walls.
     """
 
-    size: int = number(12, 1, 60)
+    size: int = number(12, 4, 60)
 
     deeds: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, PICK_UP, DROP)
     """The MiniGrid action for each action."""

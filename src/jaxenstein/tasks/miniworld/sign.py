@@ -19,6 +19,7 @@ from ...about import About, Choose, Player
 from ...engine.level import Level
 from ...engine.motion import forward, walk
 from ...environment import Info, Scalar
+from ...fields import check_whole
 from ...maps.symbols import LABEL_NAMES
 from ...maps.things import COLOUR_NAMES, GREY
 from ...params import number
@@ -214,6 +215,11 @@ class Sign(ThingsRoom):
     action_names: ClassVar[tuple[str, ...]] = (*ACTION_NAMES[:3], "done")
     aim_words: ClassVar[str] = "touched the requested thing"
     fail_words: ClassVar[str] = "touched something else, or gave up"
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        super().__post_init__()
+        check_whole("size", self.size, 10, 10)
 
     def lay_out(self, key: jax.Array) -> GridState:
         """Sample the kind, the colour and the start."""
