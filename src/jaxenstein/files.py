@@ -53,7 +53,8 @@ def writing(path: str | Path) -> Iterator[None]:
 def atomic(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path in the same folder, which is moved to `path` if the block succeeds.
 
-    If the block or the move fails, the temporary file is removed and `path` is unchanged.
+    A link stays, and its target is replaced. An existing file keeps its permissions. If the block
+    or the move fails, the temporary file is removed and `path` is unchanged.
 
     Args:
         path: the file to write; its folder must exist.
@@ -61,9 +62,10 @@ def atomic(path: str | Path) -> Iterator[Path]:
     Raises:
         OutputError: the file cannot be written: no such folder, no permission, or disk full.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path)) if os.path.isfile(path) else Path(path)
     check_writable(path)
     with writing(path):
+        mode = stat.S_IMODE(path.stat().st_mode) if os.path.isfile(path) else _default_mode()
         # The temporary name is longer than the name, which may be as long as the system allows.
         prefix = f".{path.name[:40]}."
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=PART, dir=path.parent)
@@ -71,8 +73,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
         temporary = Path(name)
         try:
             yield temporary
-            temporary.chmod(_default_mode())
             _fsync(temporary)
+            temporary.chmod(mode)
             os.replace(temporary, path)
         finally:
             with contextlib.suppress(OSError):

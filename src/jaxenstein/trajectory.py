@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .errors import SettingError
+from .errors import SettingError, TrajectoryError
 from .files import atomic, check_writable
 from .spec import TEXTS, Spec
 
@@ -136,7 +136,10 @@ def to_text(trajectory: Trajectory) -> str:
 
 
 def _dumps(value: Any) -> str:
-    return json.dumps(value, allow_nan=False, ensure_ascii=False)
+    try:
+        return json.dumps(value, allow_nan=False, ensure_ascii=False)
+    except ValueError as error:
+        raise TrajectoryError(f"a trajectory holds only finite numbers: {error}") from error
 
 
 def digest_spacing(states: int) -> int:

@@ -17,7 +17,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxenstein.adapters import vizdoom_buffers
+from jaxenstein.adapters import vizdoom_buffers, vizdoom_ids
 from jaxenstein.adapters.registration import VIZDOOM_SCENARIOS
 from jaxenstein.engine.render import render
 from jaxenstein.errors import SettingError
@@ -158,6 +158,17 @@ def same(ours: Any, theirs: Any) -> None:
 def test_settings_of_the_game() -> None:
     env = made("TakeCover", **PLAIN).unwrapped
     assert int(env.params.max_steps_in_episode) == 2**31 - 1
+    limited = env.params.replace(max_steps_in_episode=100)
+    assert (
+        int(
+            vizdoom_ids.made(limited, "TakeCover", max_buttons_pressed=1, **PLAIN)[
+                1
+            ].max_steps_in_episode
+        )
+        == 100
+    )
+    with pytest.raises(SettingError, match="screen_resolution and another setting both set height"):
+        made("TakeCover", height=8, screen_resolution="RES_160X120", **PLAIN)
     settings = {"episode_timeout": 50, "living_reward": 2, "mode": "PLAYER", "render_hud": False}
     env = made("TakeCover", screen_resolution="RES_160X120", **settings, **PLAIN).unwrapped
     assert (env.env.height, env.env.width) == (120, 160)

@@ -104,6 +104,26 @@ def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -
     assert max(len(line) for line in out.splitlines()) <= 100
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("list simple --symbols", "give either --symbols or simple"),
+        ("list --samples --configs", "give either --samples or --configs"),
+        ("bench --size 160x120 --height 64", "give either --size or --height and --width"),
+        ("play simple --native --policy a.b:c", "--native is for play by hand"),
+        (
+            "rollout tests.baselines.worlds:Countdown",
+            "has no pictures: it is not a first-person task",
+        ),
+    ],
+)
+def test_arguments_without_effect_are_refused(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words.split()) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_help_shows_the_form_and_default_of_seeds(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("optax")
     for command, default in (("train", 1), ("sweep", 5)):

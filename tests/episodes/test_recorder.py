@@ -76,9 +76,9 @@ def test_opened_door_is_in_front_of_the_agent() -> None:
 NAMES = ("turn left", "turn right", "forward", "backward", "interact")
 
 
-def at(x: float, y: float = 0.0) -> Any:
+def at(x: float, actions: tuple[int, ...] = (0,)) -> Any:
     """The parts of a session that this policy uses."""
-    return SimpleNamespace(state=SimpleNamespace(position=np.array([x, y])))
+    return SimpleNamespace(state=SimpleNamespace(position=np.array([x, 0.0])), actions=actions)
 
 
 def test_forward_policy_walks_then_interacts_then_turns() -> None:
@@ -90,6 +90,8 @@ def test_forward_policy_walks_then_interacts_then_turns() -> None:
     assert stuck[:2] == [4, 2]
     assert stuck[2] in (0, 1)
     assert stuck.count(2) >= 2
+    # In a new episode, the old plan and the old place are forgotten.
+    assert [policy(at(4, ())) for _ in range(3)] == [2] * 3
 
 
 def test_forward_policy_needs_only_three_actions() -> None:

@@ -91,6 +91,16 @@ def test_digests_depend_on_every_bit() -> None:
     assert digest(zero.astype(">f4").astype("<f4")) == digest(zero)
 
 
+def test_digests_of_random_keys_and_rewards_that_are_not_finite(
+    walk: Trajectory, tmp_path: Path
+) -> None:
+    one, other = (digest({"key": jax.random.key(seed), "n": 1}) for seed in (0, 1))
+    assert one == digest({"key": jax.random.key(0), "n": 1}) != other
+    with pytest.raises(TrajectoryError, match="holds only finite numbers"):
+        with_checks(walk, rewards=(float("inf"),)).save(tmp_path / "a.json")
+    assert not [*tmp_path.iterdir()]
+
+
 def test_files_are_small_even_for_long_episodes(world: World, tmp_path: Path) -> None:
     actions = [0, 1] * 100
     session = Session(*world)

@@ -219,9 +219,10 @@ def resolve(
     for name in ("autoreset", "final_observation"):
         if name in settings:
             raise SettingError(
-                f"{quoted(name)} has no effect in Gymnasium: the caller resets, or autoreset_mode "
-                "of a vector environment does"
+                f"{quoted(name)} has no effect here: the adapter decides when to reset"
             )
+    if {"frameskip", "frame_skip"} <= {*settings}:
+        raise SettingError("frameskip is another name of frame_skip; give only one")
     if "frameskip" in settings:
         # Gymnasium's Atari environments use this name, and TorchRL passes it.
         settings["frame_skip"] = settings.pop("frameskip")

@@ -201,7 +201,7 @@ def made(
         "width": 320,
         "look": "game" if plain.takes_game_look else "plain",
         **({"show_weapon": True} if plain.limits.get("ammo") else {}),
-        **({"max_steps_in_episode": _NEVER} if scenario in _ENDLESS else {}),
+        **({"max_steps_in_episode": _NEVER} if params is None and scenario in _ENDLESS else {}),
         **_translated(settings, name),
         "observation": "dict",
         "buttons": "single" if most == 1 else "all",
@@ -252,12 +252,15 @@ def _translated(settings: dict[str, Any], name: str) -> dict[str, Any]:
                 raise SettingError(
                     f"{key} can only be {_ONLY[key]!r} here, not {quoted(value)}{hint}"
                 )
-        elif key == "screen_resolution":
-            found["height"], found["width"] = _screen(value)
+            continue
+        more = {_RENAMED.get(key, key): given}
+        if key == "screen_resolution":
+            more = dict(zip(("height", "width"), _screen(value), strict=True))
         elif key == "episode_timeout":
-            found["max_steps_in_episode"] = _NEVER if value == 0 else value
-        else:
-            found[_RENAMED.get(key, key)] = given
+            more = {"max_steps_in_episode": _NEVER if value == 0 else value}
+        if twice := {*more} & {*found}:
+            raise SettingError(f"{key} and another setting both set {min(twice)}; give only one")
+        found |= more
     return found
 
 

@@ -100,6 +100,8 @@ def _environments(options: argparse.Namespace) -> list[tuple[Spec, str]]:
     given = given_options(options)
     for id in options.ids:
         import_module_of(id)
+    if options.size is not None and {"height", "width"} & {*given}:
+        raise UsageError("jaxenstein bench: give either --size or --height and --width")
     if options.size is not None:
         given = dict(zip(("height", "width"), options.size, strict=True)) | given
     if "map_file" in given and not options.ids:

@@ -218,7 +218,7 @@ class Evaluated:
 def _own(options: argparse.Namespace) -> Evaluated:
     """Evaluate the user's own policy, or a scripted player."""
     given = named(given_options(options), "evaluate")
-    env, params, where = open_environment(given, ranges=True)
+    env, params, where = open_environment(given, ranges=True, seen=options.gif is not None)
     heading = f"{options.policy} in {where}: {options.episodes} episodes"
     # For the film and the user's function; the evaluation draws its own numbers for each episode.
     told = is_own(options.policy) or options.gif is not None

@@ -15,7 +15,7 @@ from ..maps.symbols import legend
 from ..params import Range
 from ..scores import Estimate
 from ..tasks.first_person import FirstPerson
-from .arguments import Parser, add_suite, flag
+from .arguments import Parser, UsageError, add_suite, flag
 from .opening import import_module_of
 
 HELP = "list environments, sample maps, pretrained agents and configs"
@@ -60,6 +60,11 @@ def fill(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the list."""
+    others = {name: getattr(options, name) for name in ("symbols", "samples", "pretrained")}
+    others |= {"suite": options.suite, "configs": options.configs}
+    chosen = [f"--{name}" for name, value in others.items() if value] + options.ids[:1]
+    if len(chosen) > 1:
+        raise UsageError(f"jaxenstein list: give either {chosen[0]} or {chosen[1]}")
     if options.symbols:
         print(legend())
         return

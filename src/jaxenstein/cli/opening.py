@@ -70,7 +70,11 @@ def _entry(option: str, text: str) -> tuple[str, Any]:
 
 
 def open_environment(
-    given: Mapping[str, Any], instead_of: Spec | None = None, *, ranges: bool = False
+    given: Mapping[str, Any],
+    instead_of: Spec | None = None,
+    *,
+    ranges: bool = False,
+    seen: bool = True,
 ) -> tuple[FirstPerson[Any, Any], Any, str]:
     """Build an environment without automatic resets, and print warnings about its map.
 
@@ -78,16 +82,19 @@ def open_environment(
         given: options from `given_options`.
         instead_of: supplies the options that are not in `given`.
         ranges: whether params may be ranges; `drawn_by` then draws from them.
+        seen: whether its pictures are needed.
 
     Returns:
         The environment, its params, and a name for files.
 
     Raises:
-        UsageError: neither an ID nor a map is given.
+        UsageError: neither an ID nor a map is given, or the environment has no pictures.
         JAXensteinError: the environment cannot be built.
     """
     spec, name = open_spec(given, instead_of, ranges=ranges)
     env, params = spec.build()
+    if seen and not isinstance(env, FirstPerson):
+        raise UsageError(f"jaxenstein: {name} has no pictures: it is not a first-person task")
     return cast("FirstPerson[Any, Any]", env), params, name
 
 

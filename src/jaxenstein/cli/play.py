@@ -102,6 +102,8 @@ def run(options: argparse.Namespace) -> None:
     terminal = _open_terminal() if options.terminal else None
     agent = load_agent(options.policy if isinstance(options.policy, Path) else None, options)
     given = given_options(options)
+    if options.native and options.policy is not None:
+        raise UsageError("jaxenstein play: --native is for play by hand; give --height and --width")
     if isinstance(options.policy, str):
         env, params, name = open_environment(given, ranges=True)
     elif agent is None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..machine import made_by
@@ -44,12 +45,18 @@ class Digests:
 def digest(tree: Any) -> bytes:
     """SHA-256 of the dtype, shape and bytes of each leaf of a pytree, in order."""
     sha = hashlib.sha256()
-    for leaf in jax.tree.leaves(jax.device_get(tree)):
+    for leaf in jax.device_get(jax.tree.map(_plain, jax.tree.leaves(tree))):
         array = np.asarray(leaf)
         little = array.astype(array.dtype.newbyteorder("<"), copy=False)
         sha.update(f"{array.dtype.name}{array.shape}".encode())
         sha.update(little.tobytes())
     return sha.digest()
+
+
+def _plain(leaf: Any) -> Any:
+    """The numbers of a random key; other arrays unchanged."""
+    keys = isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+    return jax.random.key_data(leaf) if keys else leaf
 
 
 def _thinned(digests: Sequence[bytes], every: int) -> tuple[str, ...]:

@@ -62,12 +62,17 @@ class Forward:
         self._left, self._right, self._forward = walking_actions(action_names)
         self._interact = action_names.index("interact") if "interact" in action_names else None
         self._rng = rng
+        self._forget()
+
+    def _forget(self) -> None:
         self._plan: list[int] = []
         self._walked_from: np.ndarray | None = None
         self._tried = False
 
     def __call__(self, session: Session) -> int:
         """Forward, unless the last step forward did not move the agent."""
+        if not session.actions:
+            self._forget()
         position = np.asarray(session.state.position)
         if not self._plan:
             self._plan = self._next(position)

@@ -304,6 +304,8 @@ def replay(trajectory: Trajectory, *, notify: Callable[[int], object] | None = N
     """
     spec = trajectory.environment
     env, params = spec.build()
+    if not isinstance(env, FirstPerson):
+        raise SettingError(f"only first-person environments can be replayed, not {quoted(env)}")
     spec = dataclasses.replace(spec, version=env.version)
     session = Session(env, params, trajectory.seed)
     actions = Script(trajectory.actions)

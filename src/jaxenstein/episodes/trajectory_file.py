@@ -15,7 +15,7 @@ from ..spec import TEXTS, Spec
 from ..trajectory import DIGITS, FORMAT, FORMAT_VERSION, Checks, Trajectory, digest_spacing
 from .session import NO_OP
 
-# The largest length of a run of equal values: an episode of so many steps would take weeks.
+# The most actions of an episode, so that a small file cannot ask for too much memory.
 MOST_ACTIONS = 10_000_000
 Table = dict[str, Any]
 
@@ -30,7 +30,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
     """
     try:
         return _read(read_json(path, "a trajectory"))
-    except JAXensteinError as error:
+    except (JAXensteinError, RecursionError) as error:
         raise TrajectoryError(f"{path}: {error}") from error
 
 

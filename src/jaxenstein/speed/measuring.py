@@ -64,8 +64,9 @@ def measure_in_process(settings: Settings) -> dict[str, Any]:
         flags = [ONE_THREAD, *filter(None, [environment.get("XLA_FLAGS")])]
         environment["XLA_FLAGS"] = " ".join(reversed(flags))
     command = [sys.executable, "-m", "jaxenstein.speed.measuring"]
-    command.append(json.dumps(dataclasses.asdict(settings)))
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    # A large map would be too long for an argument.
+    told = json.dumps(dataclasses.asdict(settings))
+    done = subprocess.run(command, input=told, env=environment, capture_output=True, text=True)
     if done.returncode:
         lines = done.stderr.strip().splitlines() or [f"ended with code {done.returncode}"]
         where = f"{settings.name} with batch {settings.batch}"
@@ -202,4 +203,4 @@ def _peak_memory() -> int | None:
 
 
 if __name__ == "__main__":
-    print(json.dumps(measure(Settings(**json.loads(sys.argv[1])))))
+    print(json.dumps(measure(Settings(**json.load(sys.stdin)))))
