@@ -1,6 +1,7 @@
 """Params are checked on entry; errors for keys and actions are in words."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -42,7 +43,7 @@ def test_wrong_numbers_are_refused_on_input(name, value, message):
 
 def test_numbers_keep_the_dtype_so_that_nothing_compiles_again():
     params = jaxenstein.make("simple", **SIZE)[1]
-    step = jax.jit(lambda params: (params.goal_radius, params.max_steps_in_episode))
+    step: Any = jax.jit(lambda params: (params.goal_radius, params.max_steps_in_episode))
     for changes in ({}, {"goal_radius": 0.3}, {"goal_radius": 1}, {"max_steps_in_episode": 5}):
         step(params.replace(**changes))
     assert step._cache_size() == 1

@@ -195,7 +195,7 @@ def test_a_function_need_not_take_the_settings_of_every_environment() -> None:
 
     jaxenstein.register("plain", plain)
     env, params = make("plain", hud=True)
-    built, _ = spec_of(env, params).build()
+    built: Any = spec_of(env, params).build()[0]
     assert (built.hud, built.autoreset, env.autoreset) == (True, None, "same-step")
 
 
