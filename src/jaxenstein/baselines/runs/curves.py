@@ -237,7 +237,7 @@ def plot(curves: Sequence[Curve], metric: str = "return", title: str = "") -> Fi
         kept = curve.values if lost == runs else np.delete(curve.values, curve.diverged, 0)
         mean, low, high = band(kept)
         there = ~np.isnan(mean)
-        if not there.any():
+        if lost < runs and not there.any():
             raise SettingError(
                 f"{curve.label}: there is no point where all {runs} runs have a value of {metric!r}"
                 if runs > 1
