@@ -283,7 +283,7 @@ def test_error_names_wrong_param(player: Any) -> None:
 WRONG_SETTINGS: list[tuple[dict[str, Any], str]] = [
     ({"hight": 5}, "no setting or param 'hight', did you mean 'height'"),
     ({"autoreset": None}, "no effect here: the adapter decides when to reset"),
-    ({"final_observation": True}, "no effect in Gymnasium"),
+    ({"final_observation": True}, "no effect here"),
     ({"hud": True}, "simple has no setting or param 'hud'"),
     ({"goal_reward": "much"}, "goal_reward must be a number"),
     ({"goal_reward": [1, 2]}, "goal_reward must be a number"),
