@@ -53,8 +53,8 @@ def writing(path: str | Path) -> Iterator[None]:
 def atomic(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path in the same folder, which is moved to `path` if the block succeeds.
 
-    A link stays, and its target is replaced. An existing file keeps its permissions. If the block
-    or the move fails, the temporary file is removed and `path` is unchanged.
+    An existing file keeps its permissions; a link is replaced, not its target. If the block or the
+    move fails, the temporary file is removed and `path` is unchanged.
 
     Args:
         path: the file to write; its folder must exist.
@@ -62,10 +62,11 @@ def atomic(path: str | Path) -> Iterator[Path]:
     Raises:
         OutputError: the file cannot be written: no such folder, no permission, or disk full.
     """
-    path = Path(os.path.realpath(path)) if os.path.isfile(path) else Path(path)
+    path = Path(path)
     check_writable(path)
     with writing(path):
-        mode = stat.S_IMODE(path.stat().st_mode) if os.path.isfile(path) else _default_mode()
+        old = os.path.isfile(path) and not os.path.islink(path)
+        mode = stat.S_IMODE(path.stat().st_mode) if old else _default_mode()
         # The temporary name is longer than the name, which may be as long as the system allows.
         prefix = f".{path.name[:40]}."
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=PART, dir=path.parent)

@@ -82,6 +82,10 @@ class RunFolder:
         folder._made = missing
         with folder.locked():
             folder._refuse_a_run()
+            if folder.checkpoints.updates():
+                raise SettingError(
+                    f"{path} has checkpoints of a run without its {CONFIG}: choose another folder"
+                )
             folder._made = [folder.path / CONFIG, *missing]
             folder._write_config(experiment)
         return folder
@@ -95,10 +99,6 @@ class RunFolder:
         if os.path.lexists(self.path / CONFIG):
             raise SettingError(
                 f"{self.path} already has a run: --resume continues it, or choose another folder"
-            )
-        if self.checkpoints.updates():
-            raise SettingError(
-                f"{self.path} has checkpoints of a run without its {CONFIG}: choose another folder"
             )
 
     @classmethod
