@@ -78,13 +78,8 @@ def check_levels(env: Any, stacklevel: int = 3) -> None:
     # A single level is a deliberate choice.
     if count is None or not count.exact or seeds is None or seeds[1] - seeds[0] == 1:
         return
-    # The count is that of the id's own settings.
-    from .registry import make_with
-
-    if _all_levels(env) != _all_levels(make_with(env.name, {})[0]):
-        return
     share = 1 - (1 - 1 / count.levels) ** (seeds[1] - seeds[0])
-    if share >= MUCH:
+    if share >= MUCH and _has_usual_levels(env):
         warnings.warn(
             f"{env.name} has {count.levels:,} level{'s' * (count.levels > 1)}, and "
             f"levels=({seeds[0]}, {seeds[1]}) covers about {share:.0%} of them: "
@@ -114,8 +109,13 @@ def _check_split(env: Any) -> None:
     )
 
 
-def _all_levels(env: Any) -> Any:
-    return dataclasses.replace(_bare(env), levels=None)
+def _has_usual_levels(env: Any) -> bool:
+    """Whether an environment draws from the levels that its id has without settings."""
+    from .registry import make_with
+
+    usual = make_with(env.name, {})[0]
+    one, other = (dataclasses.replace(_bare(each), levels=None) for each in (env, usual))
+    return one == other
 
 
 def _bare(env: Any) -> Any:

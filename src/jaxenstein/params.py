@@ -96,13 +96,10 @@ class Params(PyTreeNode):
         if all(is_array_like(getattr(self, name)) for name in set(names) - set(ranges_of(self))):
             check_numbers(after, skip=set(names) - set(changes) | set(ranges))
         # JAX would compile again for a Python number in place of an array.
-        arrays = {name: getattr(self, name) for name, value in changes.items() if is_number(value)}
         typed = {
-            name: (jnp if isinstance(before, jax.Array) else np).asarray(
-                changes[name], before.dtype
-            )
-            for name, before in arrays.items()
-            if hasattr(before, "dtype")
+            name: (jnp if isinstance(before, jax.Array) else np).asarray(value, before.dtype)
+            for name, value in changes.items()
+            if is_number(value) and hasattr(before := getattr(self, name), "dtype")
         }
         return super(Params, after).replace(**typed)
 

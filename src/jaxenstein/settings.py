@@ -72,14 +72,13 @@ def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
 
     Tables are merged entry by entry. An environment in `above` replaces the one in `below`.
     """
-    merged = dict(below)
     gone = {*PLACES, *OF_MAP} if any(name in above for name in PLACES) else set()
     # Options that can also stand in a table.
     if "max_steps_in_episode" in (above.get("params") or {}):
         gone |= {"horizon"}
-    if "settings" in merged:
-        merged["settings"] = {n: v for n, v in (merged["settings"] or {}).items() if n not in above}
-    merged = {name: value for name, value in merged.items() if name not in gone}
+    merged = {name: value for name, value in below.items() if name not in gone}
+    if merged.get("settings"):
+        merged["settings"] = {n: v for n, v in merged["settings"].items() if n not in above}
     for name, value in above.items():
         before = merged.get(name)
         if isinstance(value, dict) and isinstance(before, dict):

@@ -159,14 +159,8 @@ def test_settings_of_the_game() -> None:
     env = made("TakeCover", **PLAIN).unwrapped
     assert int(env.params.max_steps_in_episode) == 2**31 - 1
     limited = env.params.replace(max_steps_in_episode=100)
-    assert (
-        int(
-            vizdoom_ids.made(limited, "TakeCover", max_buttons_pressed=1, **PLAIN)[
-                1
-            ].max_steps_in_episode
-        )
-        == 100
-    )
+    kept = vizdoom_ids.made(limited, "TakeCover", max_buttons_pressed=1, **PLAIN)[1]
+    assert int(kept.max_steps_in_episode) == 100
     with pytest.raises(SettingError, match="screen_resolution and another setting both set height"):
         made("TakeCover", height=8, screen_resolution="RES_160X120", **PLAIN)
     settings = {"episode_timeout": 50, "living_reward": 2, "mode": "PLAYER", "render_hud": False}

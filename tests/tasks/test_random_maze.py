@@ -141,7 +141,7 @@ def test_straightening_matches_the_slow_rule():
 
 
 def test_weights_of_large_plans_do_not_overflow():
-    """A cumulative sum above 2**31 would wrap, so that no room would ever be placed."""
+    """Draws from a sum above 2**24 are rounded, and from 2**31 on the sum itself wraps."""
     masks, weights = _rectangles(MazePlan(31, 9, 3, 9))
     assert weights.min() > 0
     assert weights.sum(dtype=np.int64) < 2**24
@@ -149,7 +149,7 @@ def test_weights_of_large_plans_do_not_overflow():
     for mask, weight in zip(masks, weights, strict=True):
         shape = tuple(np.ptp(np.argwhere(mask), axis=0).tolist())
         shares[shape] = shares.get(shape, 0) + weight / weights.sum()
-    # One side is drawn from 3 to 5, and one of the two, at random, is extended by 0 to 4.
+    # Both sides are drawn from two lengths, and one of them is extended by one of three lengths.
     assert shares[1, 1] == pytest.approx(1 / 4 / 3, rel=1e-3)
 
 

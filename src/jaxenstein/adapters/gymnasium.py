@@ -221,9 +221,9 @@ def resolve(
             raise SettingError(
                 f"{quoted(name)} has no effect here: the adapter decides when to reset"
             )
-    if {"frameskip", "frame_skip"} <= {*settings}:
-        raise SettingError("frameskip is another name of frame_skip; give only one")
     if "frameskip" in settings:
+        if "frame_skip" in settings:
+            raise SettingError("frameskip is another name of frame_skip; give only one")
         # Gymnasium's Atari environments use this name, and TorchRL passes it.
         settings["frame_skip"] = settings.pop("frameskip")
     import_module_of(env)

@@ -60,9 +60,8 @@ def fill(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the list."""
-    others = {name: getattr(options, name) for name in ("symbols", "samples", "pretrained")}
-    others |= {"suite": options.suite, "configs": options.configs}
-    chosen = [f"--{name}" for name, value in others.items() if value] + options.ids[:1]
+    flags = ("symbols", "samples", "pretrained", "suite", "configs")
+    chosen = [f"--{name}" for name in flags if getattr(options, name)] + options.ids[:1]
     if len(chosen) > 1:
         raise UsageError(f"jaxenstein list: give either {chosen[0]} or {chosen[1]}")
     if options.symbols:

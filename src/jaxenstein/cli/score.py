@@ -184,12 +184,11 @@ def _print(
             print(f"\n{abilities}")
     if chances:
         print()
+    first = next(iter(compared))
     for other, chance in chances.items():
-        first = next(iter(compared))
-        runs = [
-            len(results.names) for policy in (first, other) for results in compared[policy].values()
-        ]
-        interval = f", 95 % {between(chance, '.3f')}" if max(runs) > 1 else ""
+        results = (*compared[first].values(), *compared[other].values())
+        single = all(len(one.names) == 1 for one in results)
+        interval = "" if single else f", 95 % {between(chance, '.3f')}"
         print(
             f"probability that {first} scores higher than {other}, ties counted half: "
             f"{chance.value:.3f}{interval}"

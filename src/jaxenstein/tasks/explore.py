@@ -173,16 +173,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         drawn = sample_in_rooms(bits[:cells], maze, rooms, self.starts + self.places)
         drawn = drawn.astype(jnp.float32) + 0.5
         places = drawn[:, self.starts :].reshape(-1, 2)
-        # Places in rooms that the maze lacks come last.
-        lacking = np.arange(most, dtype=np.int32) >= maze.rooms * self.places
-        own = bits[cells : cells + most] >> 1
-        places = places[jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), own))]
-        index = np.arange(count, dtype=np.int32)
-        there = jnp.bool_(self.kind == "goal") | (index < maze.rooms * self.places // 2)
+        places = places[_order(bits[cells : cells + most], maze.rooms * self.places)]
+        index, real = np.arange(count, dtype=np.int32), maze.rooms * self.places // 2
         good = jnp.ones(count, bool)
         if self.kind == "objects":
-            keys = jnp.where(there, bits[-count:] >> 1, jnp.uint32(2**32 - 1))
-            good = jnp.argsort(jnp.argsort(keys)) < jnp.sum(there, dtype=jnp.int32) // 2
+            good = jnp.argsort(_order(bits[-count:], real)) < real // 2
         start = functools.partial(ObstructedState, closed=jnp.zeros(self.doors, bool))
         state = (start if self.doors else ExploreState)(
             position=jnp.zeros(2, jnp.float32),
@@ -192,7 +187,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             starting=maze.rooms * self.starts,
             places=places,
             things=places[:count],
-            there=there,
+            there=jnp.bool_(self.kind == "goal") | (index < real),
             good=good,
             left=jnp.zeros(count, bool),
         )
@@ -230,10 +225,7 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         objects = self.kind == "objects"
         bits = jax.random.bits(key, (2 + objects * len(state.places),), jnp.uint32)
         if objects:
-            # Places in rooms that the maze lacks come last, as in `init_state`.
-            count = state.starting // self.starts * self.places
-            lacking = np.arange(len(state.places), dtype=np.int32) >= count
-            order = jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), bits[2:] >> 1))
+            order = _order(bits[2:], state.starting // self.starts * self.places)
             state = state.replace(things=state.places[order[: len(state.things)]])
         state = state.replace(
             position=state.starts[sample_index(bits[0], state.starting)],
@@ -312,6 +304,12 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             mask_of(cells, shape, state.left & which) for which in (state.good, ~state.good)
         )
         return flood(_floor(state, _closed(state)) & ~bad, good)
+
+
+def _order(bits: jax.Array, real: jax.Array) -> jax.Array:
+    """int32[n], a random order of the first `real` of n; those that the maze lacks come last."""
+    lacking = np.arange(len(bits), dtype=np.int32) >= real
+    return jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), bits >> 1))
 
 
 def _closed(state: ExploreState) -> jax.Array:

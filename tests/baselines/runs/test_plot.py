@@ -194,7 +194,6 @@ def test_minutes_add_up_over_sessions(folder: Path) -> None:
     rows = [json.dumps({"update": update, "seconds": s}) for update, s in clock]
     (folder / "timing.jsonl").write_text("\n".join([*rows, ""]))
     np.testing.assert_allclose(read_seconds(folder, 7), [10, 10, 20, 30, 37, 40.5, 44])
-    (folder / "timing.jsonl").write_text("")
     assert plot([curve], "success").axes[0].get_xlabel() == "minutes"
 
 
