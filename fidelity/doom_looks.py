@@ -12,7 +12,6 @@ game's 320x240. The indented line compares with another frame.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,9 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxenstein
+from fidelity.commands import run_command
 from fidelity.doom_picture import SIZES, STEPPED, renderers, shares
 from fidelity.doom_views import PLAYER, View, fitted, views
 from jaxenstein.adapters.vizdoom_buffers import picked_image
+from jaxenstein.cli.arguments import whole
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Held, Sprites
 from jaxenstein.files import check_writable
@@ -82,11 +83,11 @@ def ours(
 def billboards(env: Any, view: View, count: int) -> Sprites:
     """The things of a view in our pictures: those with the nearest height; unknown ones are not."""
     places, rows, visible = np.zeros((count, 2), np.int32), np.zeros(count, np.int32), []
-    table = env.game.views
+    table = env.game_look.views
     for number, (look, x, y, z) in enumerate(view.things):
         same = [
             (abs(own.height * ONE - z), index)
-            for index, own in enumerate(env.game.looks)
+            for index, own in enumerate(env.game_look.looks)
             if (PLAYER if own.green else own.sprite, own.letter) == (look.sprite, look.frame)
         ]
         visible.append(bool(same))
@@ -99,9 +100,9 @@ def billboards(env: Any, view: View, count: int) -> Sprites:
 
 def over(env: Any, view: View) -> Held | None:
     """The weapon of a view."""
-    if not env.game.weapons:
+    if not env.game_look.weapons:
         return None
-    known, held = pictures_of(env.game.weapons), [*reversed(view.held)]
+    known, held = pictures_of(env.game_look.weapons), [*reversed(view.held)]
     pictures = [known.index((one.sprite, one.frame)) for one in held]
     places = [(one.x / ONE, one.y / ONE) for one in held]
     lacking = 2 - len(held)
@@ -141,9 +142,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Play, compare and print; write an image of the worst frames, ours on top."""
     parser = argparse.ArgumentParser(description="Compare look='game' with the running game.")
     parser.add_argument(
-        "--frames", type=int, default=200, help="frames per scenario (default %(default)s)"
+        "--frames", type=whole(), default=200, help="frames per scenario (default %(default)s)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
+    )
     parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="write the worst frames, ours on top"
@@ -162,4 +165,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

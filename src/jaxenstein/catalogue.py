@@ -321,7 +321,7 @@ ROWS: tuple[Row, ...] = (
     _doom("deadly-corridor", "deadly_corridor:DoomDeadlyCorridor",
           "Deadly Corridor itself: past six marksmen to the armour", 2),
     _doom("deathmatch", "deathmatch:DoomDeathmatch",
-          "Deathmatch itself for one player: endless monsters, seven weapons, pickups", 2),
+          "Deathmatch itself for one player: endless monsters, seven weapons, pickups", 3),
 )
 # fmt: on
 """All environments, in the order in which they are listed."""

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import jaxenstein
+from jaxenstein import SettingError
 from jaxenstein.engine.shade import Light, brightness
 from jaxenstein.engine.textures import shade_of
 from jaxenstein.maps.symbols import CEILING, FLOOR, WALL_LABELS
+from jaxenstein.tasks import dressing
 from jaxenstein.tasks.dressing import depth_of_shades, smoothed
 
 # Walls are red, the floor is green and the ceiling blue, in noise; nothing else is of one channel.
@@ -24,6 +26,13 @@ def images() -> dict[str, np.ndarray]:
         found[name] = np.zeros((SIDE, SIDE, 3), np.uint8)
         found[name][..., channel] = rng.integers(40, 256, (SIDE, SIDE))
     return found
+
+
+def test_too_many_texels_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dressing, "MOST_TEXELS", 100)
+    env, params = jaxenstein.make("key-door", height=8, width=8, textures=images())
+    with pytest.raises(SettingError, match=r"textures have .* texels together, more than 100: "):
+        env.reset(jax.random.key(0), params)
 
 
 @pytest.mark.parametrize(

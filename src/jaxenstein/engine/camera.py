@@ -30,8 +30,8 @@ class Camera:
         column: where rays pass a pixel, from 0 at its left edge to 1 at its right edge.
         row: the same from its upper edge to its lower edge.
         shift: how many columns farther to the right rays in the left half of the image pass.
-        screen: rows and columns of a screen out of which the image is taken: each of its pixels is
-            the one of the screen in whose area its centre is. None for exact places.
+        screen: rows and columns of a screen. Each pixel of the image shows the screen's pixel that
+            contains its centre. None if each pixel shows what is at its own place.
     """
 
     height: int = 64
@@ -116,6 +116,9 @@ class Camera:
 
 
 def _moved(pixel: np.ndarray, share: float) -> np.ndarray:
-    """How far the centre of the screen's pixel is from that of an image's, of `share` of them."""
+    """The shift from a pixel's centre to that of the screen's pixel that contains it, in pixels.
+
+    There are `share` pixels of the screen per pixel of the image.
+    """
     centre = (pixel + 0.5) * share
     return (np.floor(centre) + 0.5 - centre) / share

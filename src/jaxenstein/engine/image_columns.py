@@ -73,7 +73,7 @@ def prepare(
     """Look up what each column shows.
 
     Args:
-        heading: float32[], radians.
+        heading: as `Scene.heading`.
         hits: the walls that the rays hit.
         boards: the billboards to draw, or None.
         lift: `Scene.lift`.

@@ -103,7 +103,7 @@ def cast(
 
     Args:
         position: float32[2], (x, y) of the eye in tiles.
-        heading: float32[], in radians, 0 along +x, growing clockwise on the map.
+        heading: as `Scene.heading`.
         closed: bool[D], which doors are closed.
         level: the level.
         camera: width and field of view of the image.

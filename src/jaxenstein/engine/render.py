@@ -30,7 +30,7 @@ from .raycast import cast
 from .scene import Scene
 from .shade import ImageKind
 from .sprites import BLOCK, by_depth, dress, layers_seen, nearest, pick, project, see
-from .textured_walls import of_walls
+from .textured_walls import wall_camera
 from .textures import Sampling
 
 # This many layers of billboards are always painted.
@@ -95,7 +95,7 @@ def _draw(
 ) -> Any:
     """The image, or what stands for each of its pixels."""
     pose = scene.position, scene.heading
-    walls, things = of_walls(camera, places), camera.at(places.thing)
+    walls, things = wall_camera(camera, places), camera.at(places.thing)
     hits = cast(*pose, scene.closed, scene.level, walls, way.textured)
     stage = partial(way.prepare, theme=scene.theme, camera=camera, kind=kind)
     eye = (scene.lift, scene.glare) if way.textured else (scene.lift,)

@@ -105,7 +105,7 @@ def see(position: jax.Array, heading: jax.Array, sprites: Sprites, theme: Theme)
 
     Args:
         position: float32[2], the eye.
-        heading: float32[], radians.
+        heading: as `Scene.heading`.
         sprites: the billboards.
         theme: their pictures.
     """

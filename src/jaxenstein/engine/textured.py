@@ -101,9 +101,9 @@ def prepare(
     camera: Camera,
     kind: ImageKind,
 ) -> TexturedColumns:
-    """Look up what each column shows; the arguments are those of `image_columns.prepare`.
+    """Look up what each column shows.
 
-    With `Scene.glare`.
+    The arguments are those of `image_columns.prepare`, and `Scene.glare`.
     """
     textures = textures_of(theme)
     walls, places = textures.walls, textures.sampling
@@ -175,7 +175,7 @@ def paint(
 ) -> jax.Array:
     """uint32[height, width + extra]: the index in the atlas of each pixel.
 
-    If some pictures are mixed with what is behind them, its colour.
+    It is the colour of each pixel if some pictures are mixed with what is behind them.
     """
     del kind
     textures = textures_of(scene.theme)

@@ -25,7 +25,7 @@ from .shade import ImageKind
 from .sprites import Spots, is_before
 from .textures import COVER, MEAN, Cutouts, Sampling, Textures, entry, shade_of
 
-# Into how many bands of rows an image is cut in which mixed pictures are drawn.
+# An image with mixed pictures is cut into this many bands of rows.
 BANDS = 8
 
 
@@ -207,7 +207,7 @@ def _columns_seen(
 
 
 def paint_over(layers: TexturedLayers, below: jax.Array, image: jax.Array) -> jax.Array:
-    """int32[height, width]: the image with layers over it, the farthest first, but for mixed ones.
+    """int32[height, width]: the image with all unmixed layers over it, the farthest first.
 
     Args:
         layers: the layers, with an axis of rows after the first.
@@ -319,6 +319,6 @@ def _sums(words: jax.Array, colours: jax.Array, cut: jax.Array) -> jax.Array:
 def fetched(index: jax.Array, atlas: np.ndarray) -> jax.Array:
     """uint32[height, width]: the texels at uint32[height, width].
 
-    Numbers with a sign would need a look whether they count from the end.
+    The indices are unsigned, because JAX checks signed ones for values that count from the end.
     """
     return staged(lambda index: jnp.asarray(atlas).at[index].get(mode="promise_in_bounds"))(index)

@@ -36,7 +36,7 @@ class WallsSeen(NamedTuple):
 
 
 def see_walls(heading: jax.Array, hits: Hits, textures: Textures, camera: Camera) -> WallsSeen:
-    """What each column sees of the walls that the rays of `of_walls` hit."""
+    """What each column sees of the walls that the rays of `wall_camera` hit."""
     if hits.ends is None:
         return _of_tiles(heading, hits, textures, camera)
     return _of_free_walls(hits, hits.ends, textures, camera)
@@ -125,7 +125,7 @@ def _nearness_of_edges(ends: Ends, camera: Camera, places: Sampling) -> jax.Arra
     return near + (far - near) * (column - first) / jnp.maximum(after - first, 1)
 
 
-def of_walls(camera: Camera, places: Sampling) -> Camera:
+def wall_camera(camera: Camera, places: Sampling) -> Camera:
     """The camera whose rays find the wall of each column.
 
     On a screen of whole columns, a wall that begins within a column covers it in the left half of
@@ -146,7 +146,7 @@ def _sampled(
         float32[W] each: the depth, and the counterpart of `Hits.along`, which can be beyond the
         tile.
     """
-    found = _towards(hits, rays(heading, of_walls(camera, places)))
+    found = _towards(hits, rays(heading, wall_camera(camera, places)))
     own = _towards(hits, rays(heading, camera.at(places.wall)))
     depth = hits.depth / jnp.clip(own[0] / found[0], 0.5, 2)
     aside = depth * own[1] - hits.depth * found[1] - NUDGE * jnp.sign(found[1])

@@ -111,8 +111,8 @@ class Cutouts(PyTreeNode):
         column: int32[S], the first column of the picture in `opaque`.
         opaque: uint32[words, C + 1], the opaque texels of each column as bits of one or more words;
             the highest bit of the first word is the top. The last column is empty.
-        left: int32[S], the column of the billboard at which the picture begins, which is none of
-            `opaque` and of the atlas before it; for `Sampling.screen`; None for 0.
+        left: int32[S], the column of the billboard at which the picture begins; `opaque` and the
+            atlas lack the columns before it. For `Sampling.screen`; None for 0.
         right: int32[S], the column after its last one; None for the width.
         mirrored: bool[S], whether the picture's columns run from right to left; likewise; None if
             none do.

@@ -14,6 +14,7 @@ from jaxenstein.tasks.doom.items import ITEMS, THIRD
 from jaxenstein.tasks.doom.monster_kinds import DEMON, HELL_KNIGHT, SHOTGUN_GUY, ZOMBIE
 from jaxenstein.tasks.doom.monsters import Horde
 from jaxenstein.tasks.doom.parts import Game
+from jaxenstein.tasks.doom.physics import MOST_SPEED
 from jaxenstein.tasks.doom.respawn import invaded, words
 from jaxenstein.tasks.doom.weapons import (
     CHAINGUN,
@@ -222,6 +223,18 @@ def test_things_are_picked_up_by_walking_into_them(match: Any) -> None:
     assert int(events["took_weapon"]) == 0
 
 
+def test_ammunition_counts_in_the_tic_of_its_pickup(match: Any) -> None:
+    env, state, step = match
+    things = [thing for thing in env.doom_map.things if thing.kind in ITEMS]
+    number = next(i for i, thing in enumerate(things) if thing.kind == 2048)
+    alone = jnp.zeros_like(state.items).at[number].set(True)
+    at = place(things[number].x - 36.5, things[number].y)
+    before = state.replace(**env.pose(at, jnp.uint32(0)), items=alone)
+    after = step(jax.random.key(4), before, jnp.int32(env.index_of("forward")))[0]
+    assert int(env.describe(before, env.default_params)["ammo"]) == 50
+    assert int(env.describe(after, env.default_params)["ammo"]) == 100
+
+
 def test_armour_and_health_share_damage(match: Any) -> None:
     env, state, _ = match
     params = env.check_params()
@@ -231,6 +244,8 @@ def test_armour_and_health_share_damage(match: Any) -> None:
     assert (int(after.health), int(after.armour)) == (80, 90)
     # The push is that of the whole blow: an eighth of a map unit a point, away from it.
     assert after.fixed_velocity.tolist() == [-30 * ONE // 8, 0]
+    after = suffer(env, dressed, origin, jnp.array([8 * MOST_SPEED + 8]), params)
+    assert after.fixed_velocity.tolist() == [-MOST_SPEED * ONE, 0]
 
 
 def test_monsters_spawn_every_tenth_tic_from_105(match: Any) -> None:

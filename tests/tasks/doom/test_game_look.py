@@ -155,9 +155,9 @@ def test_equal_environments_share_one_atlas(pictures: Wad) -> None:
     built: Any
     one, params = made(64, 64)
     other, _ = made(84, 84)
-    assert one.game.theme.textures.atlas is other.game.theme.textures.atlas
+    assert one.game_look.theme.textures.atlas is other.game_look.theme.textures.atlas
     own = jaxenstein.make("doom-my-way-home", look="game", wad=str(pictures.path))[0]
-    assert own.game.theme.textures.atlas is one.game.theme.textures.atlas
+    assert own.game_look.theme.textures.atlas is one.game_look.theme.textures.atlas
     built, _ = spec_of(own, params).build()
     assert (built.look, built.wad) == ("game", str(pictures.path))
 
@@ -198,7 +198,7 @@ def test_labels_have_no_things_of_the_games_look_alone() -> None:
         images.append(np.asarray(jax.jit(env.observe)(state, params)))
     np.testing.assert_array_equal(*images)
     corridor: Any = jaxenstein.make("doom-deadly-corridor", look="game")[0]
-    pictures = {look.sprite: look.picture for look in corridor.game.looks}
+    pictures = {look.sprite: look.picture for look in corridor.game_look.looks}
     assert pictures["CLIP"] == pictures["SHOT"] == -1
 
 

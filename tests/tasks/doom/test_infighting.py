@@ -11,6 +11,7 @@ from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.monster_attacks import attack
 from jaxenstein.tasks.doom.monster_kinds import DEMON, SHOTGUN_GUY, ZOMBIE
 from jaxenstein.tasks.doom.monsters import STUBBORN, Horde, Infighting, Monsters
+from jaxenstein.tasks.doom.respawn import invaded, words
 from tests.tasks.doom.cases import NO_WALLS, place, places, walked
 
 THREE = Horde([DEMON, ZOMBIE, SHOTGUN_GUY], walls=NO_WALLS, infighting=True)
@@ -91,6 +92,19 @@ def test_monster_walks_to_its_target_then_back_to_the_player() -> None:
     after, path = tics(dead, player)
     demon = path[:, 0]
     assert demon[-1, 1] < -120
+    assert after.infighting.target.tolist() == [PLAYER] * 3
+
+
+def test_new_monster_does_not_inherit_the_enemies_of_the_dead_one() -> None:
+    """A zombie appears in the tic in which the one that a demon and a shotgun guy fought dies."""
+    monsters = some(*APART, target=(1, 3, 1))
+    dead = monsters.replace(
+        health=monsters.health.at[1].set(0), present=monsters.present.at[1].set(False)
+    )
+    bits = jax.random.bits(jax.random.key(2), words(THREE), jnp.uint32)
+    chances, health = [0.0, 65537.0, 0.0], jnp.asarray(THREE.health)
+    after, comes = invaded(THREE, dead, place(900, 0), chances, (400, 640), health, bits)
+    assert comes.tolist() == [False, True, False]
     assert after.infighting.target.tolist() == [PLAYER] * 3
 
 

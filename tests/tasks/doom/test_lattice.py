@@ -24,14 +24,16 @@ def doom_map(corners: list[tuple[int, int]] = CORNERS) -> DoomMap:
 def test_tiles_of_an_l_shaped_room() -> None:
     tiles = rasterise(doom_map())
     assert (tiles.west, tiles.north, tiles.unit) == (-16, 80, 16)
-    assert tiles.text([SPOT]).splitlines() == [
+    assert ["".join("#" if solid else "." for solid in row) for row in tiles.solid] == [
         "######",
         "#..###",
         "#..###",
         "#....#",
-        "#S...#",
+        "#....#",
         "######",
     ]
+    column, row = tiles.to_position(SPOT.x, SPOT.y)
+    assert (column, row) == (1.5, 4.5)
 
 
 def test_each_face_shows_the_texture_of_its_wall() -> None:

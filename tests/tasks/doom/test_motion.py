@@ -104,7 +104,7 @@ def test_tic_matches_plain_integers(name: str) -> None:
     assert slides > 50
 
 
-def test_batch_equals_single_player() -> None:
+def test_single_player_moves_as_in_plain_integers() -> None:
     """Without `jax.vmap` the slide is a plain conditional."""
     world, geometry = world_of("my-way-home"), load_geometry("my-way-home")
     run = jax.jit(lambda body, buttons: tic(geometry, body, buttons)[0])

@@ -10,7 +10,8 @@ import pytest
 import jaxenstein
 from fidelity.doom_recording import Recording, load
 from jaxenstein.tasks.doom.fixed import ONE
-from jaxenstein.tasks.doom.maps import ends_of, load_free_places, load_map, rasterise
+from jaxenstein.tasks.doom.free_places import load_free_places
+from jaxenstein.tasks.doom.maps import ends_of, load_map, rasterise
 from tests.reference.doom import Wall, World
 from tests.tasks.doom.cases import first_state, make, player, started
 

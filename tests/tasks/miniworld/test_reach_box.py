@@ -214,7 +214,7 @@ def test_maze_paths_rarely_exceed_the_limit(name) -> None:
 
 
 def check_player(name, count=64, fewest=1.0) -> np.ndarray:
-    """bool[count], whether each box is reached; at least `share` of them are."""
+    """bool[count], whether each box is reached; at least a share of `fewest` of them are."""
     env, params = task(name)
     states = jax.tree.map(lambda leaf: jnp.asarray(leaf[:count]), first_states(name))
     out = play(env, player_of(env), params, jax.random.key(0), states)

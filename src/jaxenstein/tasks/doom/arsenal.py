@@ -16,7 +16,7 @@ from ...engine.shade import ImageKind
 from ...environment import Info
 from ...pytree import PyTreeNode
 from .collision import along, first_body
-from .fixed import byte, spread
+from .fixed import FEW, byte, spread
 from .game_weapon import RAISE_TICS, SWITCH_TICS, WEAPON_LOOKS, WeaponLook
 from .parts import Game, Part
 from .weapons import Slot, Trigger, Weapon, pull
@@ -28,8 +28,8 @@ SWITCHING = (*SELECT, NEXT_WEAPON, PREVIOUS_WEAPON)
 # The game's names of the kinds of ammunition, and the number of weapons on each button.
 _AMMO_NAMES = ("AMMO2", "AMMO3", "AMMO5")
 _SLOT_NAMES = tuple(f"WEAPON{number}" for number in range(1, 6))
-# Beyond all distances, in map units. Shots of a batch are computed for this fraction at a time.
-_FAR, _FEW = 1 << 20, 8
+# Beyond all distances, in map units.
+_FAR = 1 << 20
 # The numbers of a weapon that a program looks up.
 _NUMBERS = tuple(
     field.name
@@ -223,7 +223,7 @@ class Arsenal(Part):
         if all(slot.weapon.speed for slot in self.slots):
             return jnp.zeros(there.shape, jnp.int32)
         hand = state.arms.selected if len(self) > 1 else None, state.trigger.held
-        damage = where_few(partial(self._damage, widths, walls), _FEW)(
+        damage = where_few(partial(self._damage, widths, walls), FEW)(
             fires, hand, (origin, state.angle), (places, there), bits
         )
         return jnp.where(fires, damage, 0)
@@ -261,10 +261,12 @@ class Arsenal(Part):
 
     def describe(self, state: Any) -> Info:
         """Shots left and, with several weapons, the button that selects the current one."""
-        shots = {"ammo": state.trigger.ammo}
         if len(self) == 1:
-            return shots
-        return shots | {"weapon": jnp.asarray(self.buttons)[state.arms.selected]}
+            return {"ammo": state.trigger.ammo}
+        # The trigger does not know what the player has picked up in this tic.
+        selected, stock = state.arms.selected, state.arms.ammo
+        button = jnp.asarray(self.buttons)[selected]
+        return {"ammo": stock[jnp.asarray(self.ammo)[selected]], "weapon": button}
 
     def from_game(self, state: Any, game: Game) -> Any:
         """Read the game's ammunition and weapons; it only reports how many a button has."""

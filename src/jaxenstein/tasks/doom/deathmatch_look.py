@@ -52,7 +52,7 @@ class Fog(Part):
         slot = jnp.where(comes, (before.next + order) % self.count, self.count)
         return Fogs(
             before.position.at[slot].set(places, mode="drop"),
-            # They already act in the tic in which they appear.
+            # A fog is one tic old in the first frame that shows it.
             (before.age + 1).at[slot].set(1, mode="drop"),
             (before.next + jnp.sum(comes, dtype=jnp.int32)) % self.count,
         )

@@ -119,7 +119,9 @@ class DoomDefendTheCenter(DoomScenario[DoomCenterState, DoomCenterParams]):
         monsters = self.horde.placed(_at_wall(angle), facing, jnp.ones(count, bool), health)
         return DoomCenterState(
             **pose,
-            **before_fight(self, woken(self.horde, monsters, pose["fixed_position"], key)),
+            **before_fight(
+                self, woken(self.horde, monsters, pose["fixed_position"], key, self.first_tic)
+            ),
             absence=jnp.zeros(count, jnp.int32),
         )
 

@@ -113,7 +113,9 @@ class DoomDefendTheLine(DoomScenario[DoomLineState, DoomLineParams]):
         monsters = self.horde.placed(*self._fresh, jnp.ones(count, bool), health)
         return DoomLineState(
             **pose,
-            **before_fight(self, woken(self.horde, monsters, pose["fixed_position"], key)),
+            **before_fight(
+                self, woken(self.horde, monsters, pose["fixed_position"], key, self.first_tic)
+            ),
             fireballs=self.fireballs.none(),
             absence=jnp.zeros(count, jnp.int32),
             strength=health + params.growth,

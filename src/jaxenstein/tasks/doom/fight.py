@@ -15,12 +15,12 @@ from ...pytree import PyTreeNode
 from ..draws import random_bits
 from ..health import FULL_HEALTH
 from .collision import RADIUS, is_seen, offsets, overlap, way_to
-from .fixed import ONE, byte, roll
+from .fixed import FEW, ONE, byte, roll
 from .monster_ai import act
 from .monster_attacks import attack, throws
-from .monsters import FEW, Horde, Monsters
+from .monsters import Horde, Monsters
 from .motion import moved
-from .physics import Reached
+from .physics import MOST_SPEED, Reached
 from .pose import DoomState
 from .projectiles import Missiles, Projectiles, launch, throw, with_player
 from .scenario import DoomScenario
@@ -133,6 +133,8 @@ def suffer(
 ) -> S:
     """The state after damage to the player, which also pushes it by 1/8 map unit per point.
 
+    Blows add up to a speed of at most `MOST_SPEED` along each axis.
+
     Args:
         scenario: the scenario, with the player's armour if it has any.
         state: the state before the damage.
@@ -145,7 +147,8 @@ def suffer(
     lost, push = blows(jnp.any(damage > 0), damage, factor, origins, player)
     state, felt = scenario.absorbed(state, lost)
     health = jnp.maximum(state.health - felt, 0)
-    return state.replace(health=health, fixed_velocity=state.fixed_velocity + push)
+    velocity = jnp.clip(state.fixed_velocity + push, -MOST_SPEED * ONE, MOST_SPEED * ONE)
+    return state.replace(health=health, fixed_velocity=velocity)
 
 
 def _lost(
@@ -217,7 +220,7 @@ def fly_rockets(
     fires: jax.Array,
     params: FightParams,
 ) -> S:
-    """The state after a tic of the player's rockets, plus a new one if bool[] it fires.
+    """The state after a tic of the player's rockets, plus a new one if the player `fires`, bool[].
 
     A rocket ends at a wall or at a monster, which it hurts. Then its blast hurts every body closer
     than 128 map units and not behind a wall, including the player. The damage is 128 minus the

@@ -15,6 +15,8 @@ ONE = 1 << FRACTION_BITS
 # The entries of the table of sines per turn; the top bits of an angle select the entry.
 ENTRIES = 8192
 ENTRY_SHIFT = 32 - 13
+FEW = 8
+"""Results that few of a batch need are computed for an eighth of the batch at a time."""
 _LOW = ONE - 1
 _HIGHEST, _LOWEST = 2**31 - 1, -(2**31)
 

@@ -185,7 +185,7 @@ def side_seen(eye: jax.Array, places: jax.Array, facing: jax.Array) -> jax.Array
     x = offset[:, 0] * cosine + offset[:, 1] * sine
     y = offset[:, 1] * cosine - offset[:, 0] * sine
     half, steep = y < 0, jnp.abs(y) >= jnp.abs(x)
-    # Within a half, from its begin on: ahead and flat, ahead and steep, behind and steep, and flat.
+    # Within a half, from its start on: ahead and flat, ahead and steep, behind and steep, and flat.
     ahead = jnp.where(half, x < 0, x >= 0)
     quarter = jnp.where(ahead, steep.astype(jnp.int32), 3 - steep.astype(jnp.int32))
     return quarter + 4 * half.astype(jnp.int32)

@@ -10,18 +10,13 @@ import numpy as np
 
 from ...engine.level import FreeWalls
 from ...engine.textures import Materials
-from .maps import DoomMap, Line, TileGrid, exact_ends_of, on_lattice, wall_faces
+from .maps import DoomMap, Line, TileGrid, exact_ends_of, is_tiled, wall_faces
 from .view import label_of
-
-
-def is_free(doom_map: DoomMap, tiles: TileGrid) -> bool:
-    """Whether walls are not on the lattice."""
-    return not all(on_lattice(wall, tiles.unit) for wall in doom_map.walls)
 
 
 def free_walls(doom_map: DoomMap, tiles: TileGrid) -> FreeWalls | None:
     """The walls of a map in tiles; None if they are all on the lattice."""
-    if not is_free(doom_map, tiles):
+    if is_tiled(doom_map, tiles.unit):
         return None
     ends = exact_ends_of(doom_map.walls)
     # In the game, a wall is seen from its right side, so its first end is on the left.
@@ -46,7 +41,7 @@ def wall_materials(
     lengths = np.linalg.norm(np.diff(exact_ends_of(doom_map.walls), axis=1)[:, 0], axis=1)
     begin = np.zeros(count, np.int32)
     row = np.array([wall.row for wall in doom_map.walls], np.int32)
-    if not is_free(doom_map, tiles):
+    if is_tiled(doom_map, tiles.unit):
         begin = np.array([_begin(wall, tiles) for wall in doom_map.walls], np.int32)
     return Materials(
         first,
@@ -62,7 +57,7 @@ def wall_materials(
 
 def wall_rows(doom_map: DoomMap, tiles: TileGrid) -> np.ndarray:
     """int32: the index of the wall on each face of the tiles, or of each free wall."""
-    if is_free(doom_map, tiles):
+    if not is_tiled(doom_map, tiles.unit):
         return np.arange(len(doom_map.walls), dtype=np.int32)
     of_face = np.zeros(tiles.faces.shape, np.int32)
     for number, wall in enumerate(doom_map.walls):

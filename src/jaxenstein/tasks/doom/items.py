@@ -141,7 +141,6 @@ class Armour(Part):
     """
 
     game_variables = ("ARMOR",)
-    limits = {"armour": MOST_ARMOUR}  # noqa: RUF012, never modified
 
     def absorbed(self, state: Any, lost: jax.Array) -> tuple[Any, jax.Array]:
         """The state after damage int32[N]; int32[], the part that reaches the player."""

@@ -1,4 +1,4 @@
-"""Maps of ViZDoom's scenarios: their files in map units, their tiles, and free places for things.
+"""Maps of ViZDoom's scenarios: their files in map units, and their tiles.
 
 Doom's x grows eastwards and y northwards. Walls are visible from one side only, and floors are
 flat. In a map of tiles, north is up, and rows run southwards.
@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ...engine.level import Level, compile_level
 from ...errors import MapError
-from ..draws import sample_index
-from .fixed import FRACTION_BITS
 
 START, MAP_SPOT, ARMOUR = 1, 9001, 2018
 """Kinds of things: the player's start, map spots for scripts, the green armour."""
@@ -27,8 +23,6 @@ WALL = 2
 """The label of solid tiles without their own face (the engine's first wall)."""
 THING_RADIUS = 20
 """Half-width of pickups, in map units."""
-GRAIN = 4
-"""The spacing in map units of the lattice on which free places for things are computed."""
 _WEST, _EAST, _NORTH, _SOUTH = range(4)
 
 
@@ -168,16 +162,6 @@ class TileGrid:
         """Convert map units to (x, y) in tiles."""
         return (x - self.west) / self.unit, (self.north - y) / self.unit
 
-    def text(self, things: Iterable[MapThing] = ()) -> str:
-        """The map as text, with `S` for map spots and `G` for the armour."""
-        lines = [["#" if solid else "." for solid in row] for row in self.solid]
-        for thing in things:
-            symbol = {MAP_SPOT: "S", ARMOUR: "G"}.get(thing.kind)
-            if symbol:
-                column, row = (math.floor(v) for v in self.to_position(thing.x, thing.y))
-                lines[row][column] = symbol
-        return "".join("".join(line) + "\n" for line in lines)
-
     def level(self) -> Level:
         """The map as a level of the engine."""
         return compile_level(self.faces, np.zeros((0, 2), np.int32))
@@ -188,10 +172,14 @@ def on_lattice(wall: Line, unit: int) -> bool:
     return not (exact_ends_of([wall]) % unit).any() and (wall.x0 == wall.x1) != (wall.y0 == wall.y1)
 
 
+def is_tiled(doom_map: DoomMap, unit: int) -> bool:
+    """Whether all walls of a map run along the sides of tiles of so many map units."""
+    return all(on_lattice(wall, unit) for wall in doom_map.walls)
+
+
 def tiled(doom_map: DoomMap, unit: int) -> TileGrid:
     """The tiles of a map: `rasterise` if all walls are on the lattice, else `fill`."""
-    exact = all(on_lattice(wall, unit) for wall in doom_map.walls)
-    return (rasterise if exact else fill)(doom_map, unit)
+    return (rasterise if is_tiled(doom_map, unit) else fill)(doom_map, unit)
 
 
 def rasterise(doom_map: DoomMap, unit: int = 16) -> TileGrid:
@@ -287,96 +275,19 @@ def outline(solid: np.ndarray, unit: int) -> tuple[Line, ...]:
     for row in range(rows + 1):
         above, below = padded[row, 1:-1], padded[row + 1, 1:-1]
         y = (rows - row) * unit
-        lines += [Line(a * unit, y, b * unit, y, "-") for a, b in _runs(above & ~below)]
-        lines += [Line(b * unit, y, a * unit, y, "-") for a, b in _runs(below & ~above)]
+        lines += [Line(a * unit, y, b * unit, y, "-") for a, b in runs(above & ~below)]
+        lines += [Line(b * unit, y, a * unit, y, "-") for a, b in runs(below & ~above)]
     for column in range(solid.shape[1] + 1):
         left, right = padded[1:-1, column], padded[1:-1, column + 1]
         x = column * unit
-        for top, bottom in _runs(left & ~right):
+        for top, bottom in runs(left & ~right):
             lines.append(Line(x, (rows - bottom) * unit, x, (rows - top) * unit, "-"))
-        for top, bottom in _runs(right & ~left):
+        for top, bottom in runs(right & ~left):
             lines.append(Line(x, (rows - top) * unit, x, (rows - bottom) * unit, "-"))
     return tuple(lines)
 
 
-def _runs(there: np.ndarray) -> list[tuple[int, int]]:
+def runs(there: np.ndarray) -> list[tuple[int, int]]:
     """(first, after the last) of each run of true values."""
     edges = np.flatnonzero(np.diff(np.pad(there.astype(np.int8), 1)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-
-
-@dataclass(frozen=True, eq=False)
-class FreePlaces:
-    """Places for the centres of things: R rectangles of cells of 4 map units.
-
-    Attributes:
-        corner: int32[R, 2], west and south end of each in map units.
-        columns: int32[R], the width of each in cells.
-        ends: int32[R], the number of cells of all rectangles up to and including this one.
-    """
-
-    corner: np.ndarray
-    columns: np.ndarray
-    ends: np.ndarray
-
-    def sample(self, bits: jax.Array) -> jax.Array:
-        """int32[..., 2]: uniform positions in map units (16.16), from random uint32[..., 3]."""
-        cell = sample_index(bits[..., 0], int(self.ends[-1]))
-        later = cell[..., None] >= jnp.asarray(self.ends).reshape((1,) * cell.ndim + (-1,))
-        row = jnp.sum(later, axis=-1, dtype=jnp.int32)
-        first = np.concatenate([[0], self.ends[:-1]]).astype(np.int32)
-        corner, columns, start = (
-            jnp.asarray(table).at[row].get(mode="promise_in_bounds")
-            for table in (self.corner, self.columns, first)
-        )
-        within = cell - start
-        offset = jnp.stack([within % columns, within // columns], axis=-1)
-        fine = (bits[..., 1:] >> (32 - FRACTION_BITS - GRAIN.bit_length() + 1)).astype(jnp.int32)
-        return ((corner + offset * GRAIN) << FRACTION_BITS) + fine
-
-
-@functools.cache
-def load_free_places(map_name: str) -> FreePlaces:
-    """The places on a map for things of half-width 20 that do not stick into a wall."""
-    walls = load_map(map_name).walls
-    ends = ends_of(walls)
-    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
-    axes = [np.arange(low[i], high[i], GRAIN) + GRAIN / 2 for i in (0, 1)]
-    least, most = ends.min(axis=1), ends.max(axis=1)
-    near = [
-        (axis[None] < most[:, i, None] + THING_RADIUS)
-        & (axis[None] > least[:, i, None] - THING_RADIUS)
-        for i, axis in enumerate(axes)
-    ]
-    hit = np.einsum("wx,wy->xy", near[0].astype(np.int32), near[1].astype(np.int32)) > 0
-    # Places inside walls do not touch them either, so a line to the west tells inside from outside.
-    crossed = np.zeros(hit.shape, np.int32)
-    for (x0, y0), (x1, y1) in ends:
-        if x0 == x1:
-            crossed += (
-                (axes[0][:, None] > x0)
-                & (axes[1][None] > min(y0, y1))
-                & (axes[1][None] < max(y0, y1))
-            )
-    return _rectangles(~hit & (crossed % 2 == 1), low)
-
-
-def _rectangles(free: np.ndarray, low: np.ndarray) -> FreePlaces:
-    """Free cells bool[columns, rows] as rectangles: runs along x, joined over rows."""
-    found: list[list[int]] = []
-    live: dict[tuple[int, int], int] = {}
-    for row in range(free.shape[1]):
-        runs = _runs(free[:, row])
-        live = {run: live[run] if run in live else len(found) + i for i, run in enumerate(runs)}
-        # Numbers of new rectangles must be consecutive.
-        for run in runs:
-            if live[run] >= len(found):
-                live[run] = len(found)
-                found.append([run[0], row, run[1] - run[0], 0])
-            found[live[run]][3] += 1
-    table = np.array(found, np.int32)
-    return FreePlaces(
-        corner=(table[:, :2] * GRAIN + low).astype(np.int32),
-        columns=table[:, 2],
-        ends=np.cumsum(table[:, 2] * table[:, 3]).astype(np.int32),
-    )

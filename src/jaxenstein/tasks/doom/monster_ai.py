@@ -17,9 +17,9 @@ import numpy as np
 
 from ..._jax.batching import where_few
 from .collision import RADIUS, bearing, crosses, is_seen, overlap, ranked
-from .fixed import ONE, byte
+from .fixed import FEW, ONE, byte
 from .monster_kinds import Act
-from .monsters import FEW, Horde, Infighting, Monsters
+from .monsters import Horde, Infighting, Monsters
 
 # The distance from the side of an enemy at which a monster bites, in map units, and the distance
 # from the middle of the player at which a monster notices it from behind.
@@ -80,7 +80,7 @@ def act(
     Returns:
         The monsters, and bool[N], which of them attack now, by the action of their frame.
     """
-    monsters = _settled(monsters)
+    monsters = settled(monsters)
     goal, width = horde.enemies(monsters, player)
     offset = goal - monsters.position
     sees = sight(monsters, goal, horde.opaque)
@@ -141,7 +141,7 @@ def turned(monsters: Monsters, steps: jax.Array, faces: jax.Array, offset: jax.A
     return jnp.where(faces, bearing(offset).astype(jnp.uint32), facing)
 
 
-def _settled(monsters: Monsters) -> Monsters:
+def settled(monsters: Monsters) -> Monsters:
     """The monsters, after those whose enemy is dead turn to the player again."""
     infighting = monsters.infighting
     if infighting is None:
@@ -202,7 +202,7 @@ def walk(
         horde: the tables of the monsters, and the walls that block them.
         monsters: the monsters.
         player: int32[2], a body in their way.
-        offset: int32[N, 2], from each to its target.
+        offset: int32[N, 2], from each to its enemy.
         walks: bool[N], which take a step.
         turns: bool[N], which choose another direction first.
         bits: uint32[N], random.
@@ -299,11 +299,11 @@ def _free(horde: Horde, place: Place, target: jax.Array) -> jax.Array:
 
 
 def _preferences(old: jax.Array, offset: jax.Array, bits: jax.Array) -> jax.Array:
-    """int32[N, 8]: the rank of each direction, lowest first: to the player, ahead, any, back.
+    """int32[N, 8]: the rank of each direction, lowest first: to the enemy, ahead, any, back.
 
     Args:
         old: int32[N], the direction so far.
-        offset: int32[N, 2], to the player.
+        offset: int32[N, 2], to the enemy.
         bits: uint32[N], random.
     """
     x, y = offset[:, 0], offset[:, 1]

@@ -11,10 +11,10 @@ import numpy as np
 
 from ..._jax.batching import where_few
 from .collision import RADIUS, along, bearing, first_body
-from .fixed import byte, roll, spread
+from .fixed import FEW, byte, roll, spread
 from .monster_ai import in_reach, sight
 from .monster_kinds import Act
-from .monsters import FEW, Horde, Monsters
+from .monsters import Horde, Monsters
 
 # Shots with at most this reach, in map units, are blows, for which the enemy must be close.
 _BLOW = 100

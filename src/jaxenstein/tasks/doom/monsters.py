@@ -30,8 +30,6 @@ REACTION = 8
 """Steps after waking up in which no monster shoots."""
 STUBBORN = 100
 """Steps for which a monster keeps the enemy that it has turned to."""
-FEW = 8
-"""Rarely needed results of a batch are computed for this fraction of it at a time."""
 
 
 class Infighting(PyTreeNode):
@@ -51,7 +49,8 @@ class Monsters(PyTreeNode):
 
     Attributes:
         position: int32[N, 2], map units in 16.16.
-        facing: uint32[N], the heading of a standing monster, 2**32 per turn.
+        facing: uint32[N], the heading, 2**32 per turn; without the game's pictures, only that of
+            standing monsters changes.
         present: bool[N], whether it is on the map, dead or alive.
         health: int32[N], at most 0 if it is dead.
         frame: int32[N], a row of the horde's frames.

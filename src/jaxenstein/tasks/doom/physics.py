@@ -34,6 +34,9 @@ SLOW_TURN, FAST_TURN = 320 << 16, 640 << 16
 SLOW_TICS = 6
 # Below this speed (a sixteenth of a unit), a body without thrust stops.
 STANDS = 4096
+# The highest speeds in map units per tic: of a player that runs (8.33 ahead and 8 sideways), and,
+# along each axis, of one that a blow has pushed. Below 32 the products of `fixed` do not overflow.
+RUN_SPEED, MOST_SPEED = 12, 30
 # The tics of one bobbing period; a quarter of the squared speed, up to 16, is twice the amplitude
 # of the eye in map units.
 _BOB_TICS, _BOB_SHARE, _BOB_MOST = 20, 0.25, 16.0
@@ -103,7 +106,7 @@ class Body(PyTreeNode):
 
     Attributes:
         position: int32[2], 16.16 map units.
-        velocity: int32[2], units per tic; components stay below 15 units in the game.
+        velocity: int32[2], units per tic; components are at most `MOST_SPEED`, and a thrust.
         angle: uint32[].
         turn_tics: int32[], for how many tics a turn button has been held.
     """

@@ -18,7 +18,8 @@ from ..draws import random_bits
 from ..health import FULL_HEALTH
 from .collision import BLOCK_BITS, RADIUS, REACH, Geometry
 from .fixed import ONE
-from .maps import THING_RADIUS, load_free_places
+from .free_places import load_free_places
+from .maps import THING_RADIUS
 from .parts import Game, GameObject, Part, Sprites
 from .physics import Reached
 from .view import Picture

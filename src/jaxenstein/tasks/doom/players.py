@@ -28,8 +28,8 @@ NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)
 # A body keeps walking while its heading is off by less than this, in 2**32ths of a turn; turning
 # for a tic changes it by 1.76 or 3.52 degrees.
 _ALIGNED = 1 << 25
-# In choosing a target, a half turn counts as this distance in map units, over pi. A player shoots
-# if its aim is within this share of the target's half-width; `hunt` shoots from this distance.
+# In the choice of a target, a turn by a radian counts as this distance in map units. A player
+# shoots if its aim is within this share of the target's half-width; `hunt` from this distance on.
 _TURNING, _SURE, _RANGE = 80, 0.8, 800
 
 

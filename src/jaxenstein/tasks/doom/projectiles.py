@@ -141,7 +141,7 @@ class Missiles(Part):
         count: the most projectiles.
         half_width: half-width of each, in map units.
         checks: how often per tic each checks for collisions.
-        frames: the game's pictures, with `look="game"`.
+        look: the game's pictures, with `look="game"`.
     """
 
     def __init__(
@@ -152,10 +152,10 @@ class Missiles(Part):
         count: int,
         half_width: int,
         checks: int = 3,
-        frames: MissileLook | None = None,
+        look: MissileLook | None = None,
     ) -> None:
         """Store the attributes. The first object's pictures: in flight, and exploding."""
-        self.field, self.objects, self.frames = field, objects, frames
+        self.field, self.objects, self.look = field, objects, look
         self.count, self.half_width, self.checks = count, half_width, checks
 
     def none(self) -> Projectiles:
@@ -163,22 +163,22 @@ class Missiles(Part):
         pairs = jnp.zeros((self.count, 2), jnp.int32)
         nothing = jnp.zeros(self.count, jnp.int32)
         flies = jnp.zeros(self.count, bool)
-        age = None if self.frames is None else nothing
+        age = None if self.look is None else nothing
         return Projectiles(pairs, pairs, flies, nothing, nothing, jnp.int32(0), age)
 
     @property
     def looks(self) -> tuple[Look, ...]:
         """The game's pictures: in flight, then exploding."""
-        return () if self.frames is None else self.frames.looks()
+        return () if self.look is None else self.look.looks()
 
     def shown(self, state: Any, tic: jax.Array) -> Shown:
         """Those in flight, and the explosions of others, in the game's pictures."""
         del tic
         shots: Projectiles = getattr(state, self.field)
-        assert self.frames is not None
+        assert self.look is not None
         assert shots.age is not None
-        look = self.frames.look_at(shots.flies, shots.age, _BURST - shots.bursts)
-        facing = bearing(shots.velocity).astype(jnp.uint32) if self.frames.turns else None
+        look = self.look.look_at(shots.flies, shots.age, _BURST - shots.bursts)
+        facing = bearing(shots.velocity).astype(jnp.uint32) if self.look.turns else None
         return Shown(shots.position, look, shots.flies | (shots.bursts > 0), facing)
 
     def sprites(self, state: Any) -> Sprites:
@@ -248,8 +248,8 @@ def fireballs(count: int, pictured: bool = False, knights: bool = False) -> Miss
         GameObject("BaronBall", FIREBALL.label),
     )
     look = _BARON_LOOK if knights else _FIREBALL_LOOK
-    frames = look if pictured else None
-    return Missiles("fireballs", objects, count=count, half_width=6, frames=frames)
+    shown = look if pictured else None
+    return Missiles("fireballs", objects, count=count, half_width=6, look=shown)
 
 
 def rockets(
@@ -264,10 +264,10 @@ def rockets(
         pictured: whether they have the game's pictures.
     """
     objects = (GameObject(name, ROCKET.label, _ROCKETS),)
-    frames = _ROCKET_LOOK if pictured else None
+    look = _ROCKET_LOOK if pictured else None
     checks = 3 if half_width else 1
     return Missiles(
-        "rockets", objects, count=count, half_width=half_width, checks=checks, frames=frames
+        "rockets", objects, count=count, half_width=half_width, checks=checks, look=look
     )
 
 

@@ -11,29 +11,31 @@ import numpy as np
 from ..draws import random_bits, sample_index
 from .collision import RADIUS, crosses, overlap
 from .fixed import ONE
-from .monster_ai import set_off, turned
+from .monster_ai import set_off, settled, turned
 from .monsters import Horde, Monsters
 
 TRIES = 6
 """How many random positions are tried before a monster does not appear."""
-# The tic of the game with the agent's first observation; the agent cannot move before.
-_FIRST_TIC = 10
 # A monster's first look is in one of this many tics.
 _FIRST_LOOKS = 10
 # The range of the game's random numbers for chances.
 _CHANCES = ONE + 1
 
 
-def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -> Monsters:
-    """The monsters in the game's tenth tic: they have seen the player and taken a step.
+def woken(
+    horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array, first_tic: int
+) -> Monsters:
+    """The monsters at the first observation: they have seen the player and taken a step.
 
     This is `monster_ai.act` for monsters that all wake up.
 
     Args:
-        horde: the tables of the monsters; they look in this tic or, if they look often, earlier.
+        horde: the tables of the monsters; they look in that tic, or earlier if their standing
+            frame is shorter.
         monsters: standing monsters that see the player, but are not near it.
         player: int32[2], the position of the player.
         key: random.
+        first_tic: the tic of the game with the first observation, before which nobody moves.
     """
     bits = random_bits(key, (len(horde), 2))
     position, direction, steps_left = set_off(horde, monsters, player, bits[:, 0])
@@ -42,7 +44,7 @@ def woken(horde: Horde, monsters: Monsters, player: jax.Array, key: jax.Array) -
         monsters = monsters.replace(
             facing=turned(monsters, every, ~every, player[None] - monsters.position)
         )
-    since = _FIRST_TIC - horde.frame_tics[horde.stand]
+    since = first_tic - horde.frame_tics[horde.stand]
     return monsters.replace(
         position=position,
         frame=jnp.asarray(horde.walk),
@@ -171,7 +173,8 @@ def invaded(
     comes = jnp.any(here, axis=0)
     facing = (bits[:, 1] >> 24) << 24
     fresh = place[horde.kind_of], facing[horde.kind_of], health
-    return arrived(horde, old, comes, fresh), comes
+    # No monster goes on fighting the new one that takes the index of its dead enemy.
+    return arrived(horde, settled(old), comes, fresh), comes
 
 
 def _roomy(

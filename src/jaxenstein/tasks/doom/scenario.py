@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
+import math
 import os
 from pathlib import Path
 from typing import ClassVar, Literal, TypeVar
@@ -31,7 +32,16 @@ from .maps import START, DoomMap, TileGrid, load_map, tiled
 from .monsters import Horde
 from .overlay import check_overlays, strip
 from .parts import Game, Part, billboards
-from .physics import Body, Buttons, action_name, bob_height, hold, numbered
+from .physics import (
+    MOST_SPEED,
+    RUN_SPEED,
+    Body,
+    Buttons,
+    action_name,
+    bob_height,
+    hold,
+    numbered,
+)
 from .pose import (
     DoomState,
     game_tic,
@@ -45,8 +55,6 @@ from .random_look import RandomLook, build_random_look
 from .view import EYE, ROW_FOCAL_SHARE, Room, doom_theme, face_labels, labelled_tiles
 
 ButtonsAtOnce = Literal["single", "all"]
-# The highest speed of a player in map units per tic: 8.33 ahead, 8 sideways.
-TOP_SPEED = 12
 
 
 S = TypeVar("S", bound=DoomState)
@@ -120,7 +128,7 @@ class DoomScenario(FixedMap[S, P]):
         )
         if self.look == "game":
             # Read the pictures now: a damaged file is an error here, not in the first step.
-            assert self.game.theme.textures is not None
+            _ = self.game_look
         if self.hud or self.show_weapon:
             check_overlays(
                 self.name,
@@ -239,7 +247,7 @@ class DoomScenario(FixedMap[S, P]):
         return doom_theme(pictures, self.room, self.doom_map.light, self.unit)
 
     @functools.cached_property
-    def game(self) -> GameLook:
+    def game_look(self) -> GameLook:
         """What the scenario shows with `look="game"`."""
         return read_game_look(
             self.parts,
@@ -266,14 +274,14 @@ class DoomScenario(FixedMap[S, P]):
     @property
     def shows_weapon(self) -> bool:
         """Whether images of colours show the weapon, if the scenario has one."""
-        return self.show_weapon or (self.look == "game" and bool(self.game.weapons))
+        return self.show_weapon or (self.look == "game" and bool(self.game_look.weapons))
 
     def dressed(self, scene: Scene, state: S) -> Scene:
         """The scene of a state with its look."""
         if not self.on_screen:
             return super().dressed(scene, state)
         if self.look == "game":
-            return self.game.dressed(scene, state)
+            return self.game_look.dressed(scene, state)
         return self.random_look.dressed(scene, self.look_seed(state), float(self.look_range))
 
     def scene(self, state: S, params: P) -> Scene:
@@ -336,7 +344,8 @@ class DoomScenario(FixedMap[S, P]):
     def stride(self, params: P) -> float:
         """The most tiles that the player moves in a tic."""
         del params
-        return TOP_SPEED / self.unit
+        fights = any(isinstance(part, Horde) for part in self.parts)
+        return (math.hypot(MOST_SPEED + 2, MOST_SPEED + 2) if fights else RUN_SPEED) / self.unit
 
     def to_tiles(self, place: jax.Array) -> jax.Array:
         """float32[..., 2]: (x, y) in tiles of int32[..., 2] map units in 16.16."""

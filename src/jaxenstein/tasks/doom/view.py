@@ -52,10 +52,11 @@ TEXTURES: dict[str, tuple[str, RGB]] = {
     "FLAT5_3": ("A", (116, 21, 21)),
     "COMPBLUE": ("T", (0, 0, 71)),
 }
-# Mean colours of the textures FLAT1_1, NUKAGE1, CEIL4_1; FLOOR0_1, FLAT4, CEIL1_1, CEIL1_2.
-BROWN, ACID, CEILING = (65, 46, 26), (23, 47, 13), (0, 0, 25)
+# Mean colours of textures, whose names follow.
+BROWN, ACID, CEILING = (65, 46, 26), (23, 47, 13), (0, 0, 25)  # FLAT1_1, NUKAGE1, CEIL4_1
 GREY, CRATES = (98, 98, 98), (81, 81, 81)  # FLOOR0_5, CRATOP1
-TAN, SLATE, TILES, OCHRE = (116, 92, 72), (38, 38, 38), (88, 67, 49), (73, 64, 29)
+TAN, SLATE = (116, 92, 72), (38, 38, 38)  # FLOOR0_1, FLAT4
+TILES, OCHRE = (88, 67, 49), (73, 64, 29)  # CEIL1_1, CEIL1_2
 STEEL, TUBES = (89, 89, 89), (60, 44, 44)  # STONE5, TLITE6_5
 CLAY = (89, 69, 45)  # CEIL3_3
 
