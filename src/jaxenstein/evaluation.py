@@ -159,7 +159,8 @@ def evaluate(
             With a carry it is called as `policy(carry, obs, key)` and returns the next carry and
             the action. `obs` is one observation, `key` a typed random key for this step. Weights
             in a `jax.tree_util.Partial` are arguments of the compiled program, and later calls
-            with the same function reuse it. All other weights are constants in it, so each call
+            with the same function reuse it; nothing else that the function reads may change
+            between them. For other policies, weights are constants in the program, so each call
             compiles it again.
         carry: the memory of one environment at the start of every episode: a pytree of arrays
             whose structure, shapes and dtypes must not change. None: the policy has no memory.

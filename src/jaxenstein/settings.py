@@ -70,9 +70,12 @@ def checked(given: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, 
 def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """Merge options; those of `above` win, such as flags over a config file.
 
-    Tables are merged entry by entry. An environment in `above` replaces the one in `below`.
+    Tables are merged entry by entry. An environment in `above` replaces the one in `below`, with
+    its `horizon`, `params` and `settings`.
     """
-    gone = {*PLACES, *OF_MAP} if any(name in above for name in PLACES) else set()
+    gone = set()
+    if any(name in above for name in PLACES):
+        gone = {*PLACES, *OF_MAP, "horizon", "params", "settings"}
     # Options that can also stand in a table.
     if "max_steps_in_episode" in (above.get("params") or {}):
         gone |= {"horizon"}

@@ -86,7 +86,7 @@ class Bonus(Protocol):
         """Learn from the rollout, after the policy has; `rate` is the learning rate of this update.
 
         Metrics whose names end in `loss` or `gradient_norm` must be finite; otherwise the run
-        counts as diverged.
+        counts as diverged. No name may be one that `Loop.update` or metrics.jsonl already has.
         """
         ...
 

@@ -27,6 +27,7 @@ from ..fields import (
     values_of,
 )
 from ..pytree import PyTreeNode
+from ..settings import environment_options
 
 Precision = Literal["float32", "bfloat16"]
 Convolution = Literal["matmul", "lax"]
@@ -82,7 +83,7 @@ def register_bonus(
     Any other field is static; the bonus reads it from `Config.bonus`.
 
     Args:
-        name: lower-case letters, digits and underscores.
+        name: lower-case letters, digits and underscores, with a letter first.
         bonus: makes a `Bonus` from an `ObservationSpec`, a number of actions and a `Config`.
         options: a dataclass with a default for every field; field names begin with `name` and `_`.
         grid: values for `jaxenstein sweep`, which trains this algorithm by default if a grid is
@@ -93,20 +94,24 @@ def register_bonus(
     """
     if not re.fullmatch("[a-z][a-z0-9_]*", name):
         raise SettingError(
-            "the name of a bonus must be lower-case letters, digits and underscores, not "
-            f"{quoted(name)}"
+            "the name of a bonus must begin with a lower-case letter and have only lower-case "
+            f"letters, digits and underscores, not {quoted(name)}"
         )
     if name in _ALGORITHMS:
         raise SettingError(f"there already is an algorithm {quoted(name)}; choose another name")
+    taken = {*names_of(Config), *names_of(HParams), *environment_options()}
+    taken.update(*(names_of(row.options) for row in _ALGORITHMS.values()))
     for field in names_of(options):
         if not field.startswith(f"{name}_"):
             raise SettingError(
                 f"options of {quoted(name)} must begin with '{name}_', not {quoted(field)}, since "
                 "all bonuses share one list of options"
             )
+        if field in taken:
+            raise SettingError(f"there already is an option {quoted(field)}; choose another name")
     row = Algorithm(bonus, options, grid)
     known = (*names_of(HParams), *row.numbers)
-    check_names(grid or (), known, "number in a grid:")
+    check_names(grid or (), known, "hyperparameter in a grid:")
     _ALGORITHMS[name] = row
 
 
@@ -185,7 +190,8 @@ class Config:
             equal up to rounding.
         bonus_epochs: epochs per rollout that train the bonus.
         normalise_rewards: learn from rewards divided by the running standard deviation of their
-            discounted sum in an episode, where it is above 1; reported returns are not divided.
+            discounted sum in an episode, if that deviation is above 1; reported returns are not
+            divided.
         normalise_bonus: divide the bonus by the running standard deviation of its discounted sum.
         bonus_values: give ICM and E3B a separate value head for the bonus, as RND always has; if
             false, the bonus is added to the reward.

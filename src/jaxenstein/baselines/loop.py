@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ..errors import SettingError
 from . import divergence, optimiser, ppo
 from .bonus import Bonus, Experience, Metrics, RunningScale
 from .config import Config, HParams
@@ -18,6 +19,8 @@ from .state import TrainState, wrap_key
 
 # Number of episodes in the running mean of successes, for `stop_success`.
 RECENT = 100
+# Names that the rows of metrics.jsonl have for themselves.
+RESERVED = ("update", "steps", "seed", "return", "length", "success", divergence.METRIC)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,7 +144,9 @@ class Loop:
             actors=actors,
         )
         diagnosis = _diagnose(batch, bonus) | {"learning_rate": hparams.learning_rate * left}
-        metrics = sums | learnt | diagnosis | seen | bonus_learnt
+        metrics, of_bonus = sums | learnt | diagnosis, seen | bonus_learnt
+        _check_names(of_bonus, metrics)
+        metrics |= of_bonus
         if state.diverged is None:
             return state, metrics
         return divergence.guard(before, state, learnt | bonus_learnt, metrics)
@@ -260,3 +265,12 @@ def _diagnose(batch: ppo.Batch, bonus: jax.Array) -> Metrics:
         "bonus_max": jnp.max(bonus),
         **{name: explained[index] for index, name in enumerate(names[: len(explained)])},
     }
+
+
+def _check_names(of_bonus: Metrics, own: Metrics) -> None:
+    """Raise a `SettingError` if a metric of the bonus has the name of another one."""
+    if both := sorted({*of_bonus} & {*own, *RESERVED}):
+        raise SettingError(
+            f"the bonus returns metrics with names that the training uses: {', '.join(both)}; "
+            "begin their names with that of the bonus"
+        )

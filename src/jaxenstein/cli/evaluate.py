@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,6 +45,7 @@ from .opening import (
     given_options,
     named,
     open_environment,
+    print_warning,
     printing_warnings,
     with_map,
     written_anyway,
@@ -106,7 +106,7 @@ def fill(parser: Parser) -> None:
     parser.add_argument("folder", metavar="RUN", nargs="?", type=Path, help=help)
     what = f"evaluate a scripted player, or your own policy, {OWN}, instead of RUN"
     flag(parser, "--policy NAME", what, str)
-    flag(parser, "--name NAME", f"the run's name in --json, for {OWN} (default: that text)", str)
+    flag(parser, "--name NAME", f"the run's name in --json, for {OWN} (default: {OWN})", str)
     add_suite(parser, "test on every task of the benchmark")
     add_tasks(parser)
     flag(parser, "--episodes N", "episodes for each run", whole(), 100)
@@ -186,8 +186,7 @@ def _suite(options: argparse.Namespace, tasks: Sequence[suite.Task]) -> None:
 
     def write(path: Path) -> None:
         if 0 < len(played) < len(tasks):
-            told = f"{path} has {len(played)} of {len(tasks)} tasks"
-            print(f"jaxenstein: warning: {told}", file=sys.stderr)
+            print_warning(f"{path} has {len(played)} of {len(tasks)} tasks")
         if played:
             write_results(path, [one for _, one in played])
 

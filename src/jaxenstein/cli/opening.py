@@ -158,7 +158,7 @@ def printing_warnings() -> Iterator[None]:
     finally:
         # An error may follow from what a warning says.
         for text in dict.fromkeys(str(warning.message) for warning in caught):
-            _tell(text)
+            print_warning(text)
 
 
 @contextlib.contextmanager
@@ -169,7 +169,7 @@ def plain_warnings() -> Iterator[None]:
 
         def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
             if issubclass(category, UserWarning):
-                _tell(str(message))
+                print_warning(str(message))
             else:
                 others(message, category, *place, **more)
 
@@ -202,7 +202,8 @@ def write_json(path: Path, plain: object) -> None:
         temporary.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
 
-def _tell(warning: str) -> None:
+def print_warning(warning: str) -> None:
+    """Print a warning as one line on standard error, unless `forget` takes it."""
     if not forget(warning):
         print(f"jaxenstein: warning: {concise(one_line(warning))}", file=sys.stderr)
 

@@ -18,8 +18,8 @@ CONVENTION = """\
 MODULE:FUNCTION is your own function, in a module that Python can import from the current folder. It
 takes (env, params) and returns (policy, carry). policy(carry, obs, key) returns the next carry and
 the action; carry is the memory at the start of an episode. For a policy without memory, carry is
-None and policy(obs, key) returns the action. With ranges of params, the function gets one draw,
-and every episode another. See 'Agents of your own' in docs/training.md.
+None and policy(obs, key) returns the action. If params are ranges, the function gets one set of
+drawn numbers, and each episode draws its own. See 'Agents of your own' in docs/training.md.
 """
 _NAMED = re.compile(r"\w+(\.\w+)*:\w+")
 

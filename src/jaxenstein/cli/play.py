@@ -83,8 +83,8 @@ def fill(parser: Parser) -> None:
     flag(how, "--terminal", "play in the terminal, with as many pixels as fit, up to 96x72")
     flag(how, "--native", "show the 64x64 pixels that agents get by default")
     flag(how, "--fps RATE", "maximum steps per second, 1 to 60", real(1, 60), 15.0)
-    trained = f"a run directory, {OF_FILES}, in ID or where it was trained"
-    watched = f"watch an agent instead: {trained}; or your own, {OWN}, in ID"
+    trained = f"a run directory, {OF_FILES} (in ID, or where it was trained)"
+    watched = f"watch an agent instead: {trained}, or your own, {OWN} (in ID)"
     flag(how, "--policy RUN", watched, _run_or_own)
     add_agent(how)
     add_seed(how)

@@ -55,7 +55,7 @@ def fill(parser: Parser) -> None:
     """Add the arguments."""
     add_environment(parser)
     flag(parser, "--envs N", "parallel environments", whole(), 256)
-    help = f"steps in each environment (default: a whole episode, {LEAST} to {MOST})"
+    help = f"steps in each environment (default: the longest episode, but {LEAST} to {MOST})"
     flag(parser, "--steps T", help, whole())
     add_seed(parser)
     help = "folder for the pictures, created if missing (default: no pictures)"

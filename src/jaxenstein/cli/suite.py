@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from .. import suite
 from ..comparison import difference, score_interval
 from ..errors import SettingError
-from ..evaluation import check_policy, evaluate, evaluate_player
+from ..evaluation import evaluate, evaluate_player
 from ..files import name_of
 from ..intervals import mean_interval
 from ..players import player_of
@@ -22,7 +21,7 @@ from ..results import Results
 from ..settings import MAP_TEXTS, environment_options
 from .arguments import UsageError, flag_of
 from .listing import between, format_table
-from .opening import baselines, printing_warnings
+from .opening import baselines, print_warning, printing_warnings
 from .own_policy import is_own, load_own
 
 if TYPE_CHECKING:
@@ -122,7 +121,6 @@ def _policy(options: argparse.Namespace, tasks: Sequence[suite.Task]) -> Play:
     for id, (env, params) in made.items():
         if is_own(options.policy):
             own[id] = load_own(options.policy, env, params, options.name)
-            check_policy(env, params, own[id].policy, own[id].carry)
         else:
             player_of(env, options.policy)
 
@@ -189,10 +187,9 @@ def _runs(folder: Path, chosen: suite.Suite, tasks: Sequence[suite.Task]) -> Pla
         ("more", [id for id, excess in budgets.items() if excess > 0]),
     ):
         if ids:
-            print(
-                f"jaxenstein: warning: agents in {folder} were trained for {amount} than the "
-                f"benchmark's {chosen.total_steps:,} decisions: {', '.join(ids)}",
-                file=sys.stderr,
+            print_warning(
+                f"agents in {folder} were trained for {amount} than the benchmark's "
+                f"{chosen.total_steps:,} decisions: {', '.join(ids)}"
             )
 
     def play(task: suite.Task, episodes: int, seed: int, notify: Any) -> Results:

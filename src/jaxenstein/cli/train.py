@@ -33,6 +33,7 @@ from .opening import (
     handling,
     import_module_of,
     named,
+    print_warning,
     printing_warnings,
 )
 from .suite import planned as planned_suite
@@ -253,20 +254,18 @@ def open_run(path: Path, experiment: Experiment, resume: bool) -> RunFolder:
     """The run directory of one of several trainings; it must be new unless `resume`.
 
     Raises:
-        UsageError: the directory has a run, and `resume` is not set.
-        SettingError: the run in the directory has another config.
+        SettingError: the directory has a run, and `resume` is not set, or it has another config.
     """
     runs = baselines("folder")
-    if not resume and os.path.exists(path / runs.CONFIG):
-        raise UsageError(
-            f"jaxenstein: {path} already has a run: --resume continues it, or choose another folder"
-        )
+    # A copy, whose compiled programs are freed with it.
+    experiment = dataclasses.replace(experiment)
+    if not resume:
+        return runs.RunFolder.create(path, experiment)
     try:
-        # A copy, whose compiled programs are freed with it.
-        return runs.RunFolder.open_or_create(path, dataclasses.replace(experiment))
+        return runs.RunFolder.open_or_create(path, experiment)
     except SettingError as error:
-        again = "; repeat the options that the training was started with"
-        raise SettingError(f"{error}{again if resume else ''}") from error
+        again = "repeat the options that the training was started with"
+        raise SettingError(f"{error}; {again}") from error
 
 
 def spread(options: argparse.Namespace) -> None:
@@ -368,8 +367,7 @@ def _carry_out(folder: RunFolder, options: argparse.Namespace, stop: Callable[[]
     print("  ".join(filter(None, [where, note_of(recent)])))
     lost = _not_finite(folder)
     if lost:
-        told = f"the parameters of {', '.join(lost)} are not finite"
-        print(f"jaxenstein: warning: {told}; {ADVICE}", file=sys.stderr)
+        print_warning(f"the parameters of {', '.join(lost)} are not finite; {ADVICE}")
     if len(diverged) == runs or (done == total and len(lost) == runs):
         print(f"all {runs} runs diverged" if runs > 1 else "the run diverged", file=sys.stderr)
         return DIVERGED

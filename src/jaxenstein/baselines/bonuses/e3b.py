@@ -123,7 +123,7 @@ class E3B:
         rate: jax.Array,
     ) -> tuple[E3BState, Metrics]:
         """Train the embedding; steps that end an episode are left out."""
-        # Published results with the inverse embedding were trained without this split.
+        # Another derivation of these keys would change published results.
         pass_key, offset_key = jax.random.split(key) if self._temporal else (key, key)
         reach = self.config.bonus["e3b_reach"]
         offsets = sample_offsets(offset_key, experience.action.shape, reach)

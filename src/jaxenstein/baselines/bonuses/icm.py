@@ -27,7 +27,7 @@ class ICMOptions:
 
     Attributes:
         icm_latent: size of ICM's embedding.
-        icm_hidden: width of the hidden layers of ICM's two models.
+        icm_hidden: width of ICM's image features, and of the hidden layers of its two models.
         icm_layers: number of hidden layers of each of ICM's models.
         icm_forward_trains_encoder: let the loss of ICM's forward model also train the embedding, as
             in the original; if false, only the inverse model does.

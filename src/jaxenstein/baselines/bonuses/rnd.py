@@ -94,7 +94,7 @@ class RND:
     ) -> tuple[RNDState, Metrics]:
         """Train the predictor on the observations after steps that did not end an episode."""
         weight = hparams.bonus["rnd_loss"]
-        # Published results were trained with this split.
+        # Another derivation of this key would change published results.
         pass_key, _ = jax.random.split(key)
 
         def loss(predictor: Any, part: Any) -> tuple[jax.Array, Metrics]:

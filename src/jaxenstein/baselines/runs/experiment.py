@@ -160,6 +160,8 @@ def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def exact(value: float | int) -> str:
-    """The shortest exact text of a number."""
+    """The shortest exact text of a number; integers have no exponent."""
+    if isinstance(value, int):
+        return str(value)
     short = f"{value:g}"
     return short if float(short) == value else repr(value)

@@ -171,7 +171,7 @@ class Timing:
     def __init__(self, folder: Path, steps: int, update: int) -> None:
         """Start the clock at an update; `steps` is the number of steps per update, over all runs.
 
-        A session begins with a row of no seconds, unless it is the first.
+        A resumed session begins with a row of 0 seconds.
 
         Raises:
             OutputError: the file cannot be written.
@@ -205,7 +205,7 @@ def read_seconds(folder: Path, updates: int) -> np.ndarray:
     path = folder / TIMING
     try:
         rows = [json.loads(line) for line in read_text(path, LONGEST).split("\n")[:-1]]
-        done = {int(row["update"]): 0.0 for row in rows}
+        done: dict[int, float] = {}
         before = total = 0.0
         for row in rows:
             now = float(row["seconds"])

@@ -71,7 +71,6 @@ _TUNED: Mapping[str, Mapping[str, Any]] = {
         "bonus_learning_rate": 1e-4,
         "bonus_advantage": 0.3,
         "entropy": 0.003,
-        # With contrast 10 and frame skips 3 and 1, policies stay at lasting sources of novelty.
         "contrast": 0.0,
     },
     "icm": _OWN_VALUES,
@@ -150,7 +149,8 @@ def read_file(path: Path) -> dict[str, Any]:
     if not isinstance(given, dict):
         raise SettingError(f"{path} must be a table of names with values")
     try:
-        given = {str(name).replace("-", "_"): value for name, value in given.items()}
+        named = [(str(name).replace("-", "_"), value) for name, value in given.items()]
+        given = without_repeats(named)
         return checked(given, all_options())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
@@ -264,12 +264,11 @@ def given_by(experiment: Experiment) -> dict[str, Any]:
 def check_effect(names: Iterable[str], algos: Sequence[str]) -> None:
     """Raise a `SettingError` if an option changes the training of none of these algorithms."""
     for name in names:
-        if "bonus" in name:
+        users = [algo for algo, row in algorithms().items() if name in names_of(row.options)]
+        if not users and "bonus" in name:
             users = [algo for algo, row in algorithms().items() if row.bonus is not NoBonus]
             if name == "bonus_values":
                 users.remove("rnd")  # It always has a value head for the bonus.
-        else:
-            users = [algo for algo, row in algorithms().items() if name in names_of(row.options)]
         if users and not {*users} & {*algos}:
             raise SettingError(
                 f"{name} has no effect on {' or '.join(algos)}, only on {', '.join(users)}"
@@ -284,7 +283,7 @@ def _picked(given: Mapping[str, Any], group: str) -> dict[str, Any]:
 def check_grid(table: Mapping[str, Any], algo: str) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Check a grid; a `SettingError` if the algorithm lacks a hyperparameter."""
     check_effect(table, [algo])
-    check_names(table, HParams.of(algo, {}).flat(), "number in a grid:")
+    check_names(table, HParams.of(algo, {}).flat(), "hyperparameter in a grid:")
     grid = []
     for name, values in table.items():
         listed = values if isinstance(values, list | tuple) else [values]

@@ -40,8 +40,8 @@ def plan(
         algos: the algorithms.
         at_once: the maximum number of parallel runs in one program, to save memory; the seeds of a
             point stay together.
-        paper: whether to train the paper's grids if none is given, or a single point. Given
-            hyperparameters are not varied.
+        paper: without a grid in `given`, True trains the paper's grids, without hyperparameters
+            that are given, and False a single point.
 
     Raises:
         JAXensteinError: the options are wrong.

@@ -143,9 +143,9 @@ def _check_versions(folder: RunFolder) -> None:
 def _begin(folder: RunFolder) -> tuple[int, TrainState]:
     """The updates so far and the state; a new run saves a checkpoint, to detect failures early."""
     check_space(folder.path, folder.template, len(folder.checkpoints.updates()))
+    _check_versions(folder)
     restored = folder.restore()
     if restored is not None:
-        _check_versions(folder)
         for reason in restored.damaged:
             warnings.warn(f"skipped a damaged checkpoint: {reason}", stacklevel=3)
         return restored.update, restored.state
@@ -178,10 +178,13 @@ class StallWatch:
             self._episodes += _sum(update, "episodes")
             self._successes += _sum(update, "successes")
             self._add_returns(update)
-            now = [row.get("entropy") or 0.0 for row in update]
-            self._entropies = self._entropies or now
+            # The entropy is None if it is not finite.
+            now = [row.get("entropy") for row in update]
+            self._entropies = self._entropies or [entropy or 0.0 for entropy in now]
             pairs = zip(now, self._entropies, update, strict=True)
-            going = [(new, old) for new, old, row in pairs if not row.get(METRIC)]
+            going = [
+                (new, old) for new, old, row in pairs if new is not None and not row.get(METRIC)
+            ]
             settled = bool(going) and all(new < LOST * old for new, old in going)
             enough = self._episodes >= EPISODES * self._runs
             fine = self._successes or self._warned or _returns_rose(self._early, self._late)
