@@ -28,7 +28,7 @@ nox.options.error_on_missing_interpreters = False
 
 PYTHONS = ("3.11", "3.12", "3.13")
 HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
-TOOLS = ("pytest >= 8.3", "hypothesis >= 6.130", "pytest-xdist >= 3.6")
+TOOLS = ("pytest >= 8.3", "hypothesis >= 6.130", "pytest-xdist >= 3.7")
 # Extras that install together with any Python, and modules that must then be importable.
 EXTRAS = ".[baselines,gymnasium,minigrid,play,video,dev]"
 MODULES = ("flax", "gymnasium", "matplotlib", "minigrid")
@@ -47,7 +47,7 @@ def lower_bounds(python: str) -> list[str]:
 def run_tests(
     session: nox.Session, *tests: str, modules: tuple[str, ...] = (), trainings: bool = False
 ) -> None:
-    """Run some tests; fail first if a module is missing, so that no test is skipped."""
+    """Run some tests; fail first if a module is missing, since its tests would be skipped."""
     chosen = () if trainings else ("-m", "not (slow or variant or training)")
     session.run("python", "-c", f"import {', '.join(('jax', *modules))}; print(jax.__version__)")
     session.run(
@@ -60,7 +60,7 @@ def run_tests(
 @nox.session(python=PYTHONS, tags=["lanes"])
 @nox.parametrize("versions", ["oldest", "newest", "extras"], ids=["oldest", "newest", "extras"])
 def lane(session: nox.Session, versions: str) -> None:
-    """The tests with the oldest or newest JAX, or with all extras."""
+    """The tests with the oldest or newest JAX, or with `EXTRAS`."""
     oldest = lower_bounds(str(session.python)) if versions == "oldest" else []
     extras = versions == "extras"
     session.install("--editable", EXTRAS if extras else ".", *TOOLS, *oldest)

@@ -116,7 +116,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     counts = sorted({1 << power for power in range(len(devices).bit_length())} | {len(devices)})
     if jax.process_count() > 1:
         counts = [len(devices)]
-    counts = [count for count in counts if count <= len(devices)]
     rows = [measure_spread(devices[:count], options) for count in counts]
     if jax.process_index():
         return

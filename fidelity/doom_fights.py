@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -191,9 +192,11 @@ def shots(trace: Seen) -> np.ndarray:
 
 
 def likeness(here: Sequence[float], there: Sequence[float]) -> float:
-    """The p-value of the difference of two samples (chi-square test)."""
+    """The p-value of the difference of two samples (chi-square test); NaN if one is empty."""
     from scipy import stats
 
+    if not len(here) or not len(there):
+        return math.nan
     values = np.unique(np.concatenate([here, there]))
     table = np.array([[np.sum(np.equal(side, v)) for v in values] for side in (here, there)])
     # Pool rare values.

@@ -18,7 +18,9 @@ import jax
 import numpy as np
 
 import jaxenstein
+from fidelity.commands import run_command
 from jaxenstein.adapters.vizdoom import GameSession
+from jaxenstein.cli.arguments import whole
 from jaxenstein.files import check_writable
 from jaxenstein.view.recording import mosaic, save_png
 
@@ -73,9 +75,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Compare all scenarios, print the results, and write pictures."""
     parser = argparse.ArgumentParser(description="Compare frames here and in the game.")
     parser.add_argument(
-        "--frames", type=int, default=100, help="frames of each (default %(default)s)"
+        "--frames", type=whole(), default=100, help="frames of each (default %(default)s)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
+    )
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="write some pairs, ours on top"
     )
@@ -100,4 +104,4 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

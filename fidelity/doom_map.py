@@ -12,10 +12,10 @@ The lump `TEXTMAP` of a scenario's WAD file has its map in the Universal Doom Ma
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import TypeVar
 
+from fidelity.commands import run_command
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom
 from jaxenstein.errors import MapError
 from jaxenstein.tasks.doom.maps import DoomMap, Line, MapThing, load_map
@@ -118,4 +118,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

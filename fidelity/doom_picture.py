@@ -17,14 +17,15 @@ import argparse
 import dataclasses
 import hashlib
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from fidelity.commands import run_command
 from fidelity.doom_views import View, drawn, fitted, views
 from jaxenstein.adapters.vizdoom_buffers import SCREENS, load_vizdoom
+from jaxenstein.cli.arguments import whole
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
@@ -128,9 +129,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         description="Compare the game's frames with the reference renderer."
     )
     parser.add_argument(
-        "--frames", type=int, default=200, help="frames per scenario (default %(default)s)"
+        "--frames", type=whole(), default=200, help="frames per scenario (default %(default)s)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
+    )
     parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
     parser.add_argument("--particles", action="store_true", help="leave particles and decals on")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")
@@ -153,4 +156,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -13,16 +13,17 @@ byte are printed.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping, Sequence
 
 import cv2
 import numpy as np
 from PIL import Image
 
+from fidelity.commands import run_command
 from fidelity.doom_looks import SCENARIOS, ours
 from fidelity.doom_picture import SIZES, renderers
 from fidelity.doom_views import fitted, views
+from jaxenstein.cli.arguments import whole
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 
 SMALL = (64, 48), (64, 64), (84, 84)
@@ -60,8 +61,10 @@ def cells(images: Sequence[np.ndarray], frames: Sequence[np.ndarray]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Play, draw, print a table."""
     parser = argparse.ArgumentParser(description="Compare with ways of resizing the game's frames.")
-    parser.add_argument("--frames", type=int, default=60, help="of each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
+    parser.add_argument("--frames", type=whole(), default=60, help="of each (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="of the episodes (default %(default)s)"
+    )
     parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
     options = parser.parse_args(argv)
     pictures = Wad(find_iwad())
@@ -86,4 +89,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -12,16 +12,17 @@ from __future__ import annotations
 import argparse
 import io
 import random
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
+from fidelity.commands import run_command
 from fidelity.doom_looks import LEVEL, ours
 from fidelity.doom_picture import SIZES, renderers
 from fidelity.doom_views import fitted, views
+from jaxenstein.cli.arguments import whole
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 from jaxenstein.view.recording import mosaic
@@ -78,8 +79,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Play, draw, write, print the answers."""
     parser = argparse.ArgumentParser(description="Draw a sheet of our frames and of the game's.")
     parser.add_argument("file", type=Path, help="a .webp file")
-    parser.add_argument("--frames", type=int, default=20, help="(default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default %(default)s)")
+    parser.add_argument("--frames", type=whole(), default=20, help="(default %(default)s)")
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
+    )
     options = parser.parse_args(argv)
     check_writable(options.file)
     image, here = sheet(options.frames, options.seed)
@@ -90,4 +93,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

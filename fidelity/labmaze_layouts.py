@@ -16,7 +16,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fidelity.commands import run_command
 from fidelity.frequencies import Observation, chances
+from jaxenstein.cli.arguments import whole
 from jaxenstein.maps.reach import flood
 from jaxenstein.tasks.random_maze import MazePlan
 
@@ -104,11 +106,11 @@ def observe(maze: Maze) -> Observation:
         rows, columns = np.nonzero(room == number)
         shapes.append(f"{np.ptp(rows) + 1}x{np.ptp(columns) + 1}")
     rows, columns = np.nonzero(paved)
-    first, last = paved.sum() // 4, len(room) // 2
+    quarter, middle = paved.sum() // 4, len(room) // 2
     return {
         "rooms": [str(len(shapes))],
         "shapes": shapes,
-        "open cells": [str(4 * first)],
+        "open cells": [str(4 * quarter)],
         "dead ends": [str(int((paved & (ways == 1)).sum()))],
         "ways on from corridors": [str(n) for n in ways[corridor]],
         "doorways between rooms": [str(int((corridor & (near >= 2)).sum()))],
@@ -116,7 +118,7 @@ def observe(maze: Maze) -> Observation:
         "rows": [str(row) for row in np.nonzero(corridor)[0]],
         "columns": [str(column) for column in np.nonzero(corridor)[1]],
         "detours": [str(_detours(corridor))],
-        "middle": [str(int(room[last, last] > 0) + 2 * int(corridor[last, last]))],
+        "middle": [str(int(room[middle, middle] > 0) + 2 * int(corridor[middle, middle]))],
     }
 
 
@@ -165,14 +167,14 @@ def _summary(mazes: list[Maze]) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Compare random mazes with labmaze's.")
-    parser.add_argument("--mazes", type=int, default=1000, help="mazes of each (default 1000)")
+    parser.add_argument("--mazes", type=whole(), default=1000, help="mazes of each (default 1000)")
     parser.add_argument("--plans", nargs="+", choices=PLANS, default=list(PLANS), metavar="PLAN")
     parser.add_argument(
-        "--seed", type=int, default=0, help="seed of labmaze; the other uses the next seed"
+        "--seed", type=whole(0), default=0, help="seed of labmaze; the other uses the next seed"
     )
     parser.add_argument("--null", action="store_true", help="compare labmaze with itself")
     return parser
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run_command(main)

@@ -23,9 +23,11 @@ import numpy as np
 
 import jaxenstein
 from fidelity import players
+from fidelity.commands import run_command
 from fidelity.frequencies import Observation, chances
 from fidelity.minigrid_moves import PREFIX, end_of, fewest_moves, source_of
 from jaxenstein.catalogue import ENTRIES, STEPS_A_MOVE
+from jaxenstein.cli.arguments import whole
 from jaxenstein.maps.symbols import DOOR_LABELS
 from jaxenstein.maps.things import COLOUR_NAMES
 from jaxenstein.players import UNIFORM, play, player_of
@@ -202,9 +204,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     every = [name.removeprefix(PREFIX) for name in ENTRIES if name.startswith(PREFIX)]
     parser = argparse.ArgumentParser(description="Compare worlds with MiniGrid's.")
     parser.add_argument("ids", nargs="*", default=every, metavar="ID", help="without minigrid-")
-    parser.add_argument("--resets", type=int, default=1000, help="levels of each (default 1000)")
-    parser.add_argument("--episodes", type=int, default=0, help="episodes with a random policy")
-    parser.add_argument("--plans", type=int, default=0, help="levels to play with the planner")
+    parser.add_argument(
+        "--resets", type=whole(0), default=1000, help="levels of each (default 1000)"
+    )
+    parser.add_argument(
+        "--episodes", type=whole(0), default=0, help="episodes with a random policy"
+    )
+    parser.add_argument("--plans", type=whole(0), default=0, help="levels to play with the planner")
     options = parser.parse_args(argv)
     failed = [
         compared(name, options.resets, len(options.ids)) for name in options.ids if options.resets
@@ -218,4 +224,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run_command(main)

@@ -28,6 +28,8 @@ import numpy as np
 
 import jaxenstein
 from fidelity import players
+from fidelity.commands import run_command
+from jaxenstein.cli.arguments import whole
 from jaxenstein.players import UNIFORM, play
 from jaxenstein.tasks.miniworld.box_maze import BoxMazeState
 from jaxenstein.tasks.miniworld.collect_health import CollectHealthState
@@ -258,8 +260,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Compare first states with MiniWorld's.")
     parser.add_argument("folder", type=Path, help="the folder that contains miniworld")
     parser.add_argument("ids", nargs="*", default=list(ROOMS), help="without miniworld-")
-    parser.add_argument("--resets", type=int, default=1000, help="first states of each")
-    parser.add_argument("--episodes", type=int, default=0, help="episodes with a random policy")
+    parser.add_argument("--resets", type=whole(0), default=1000, help="first states of each")
+    parser.add_argument(
+        "--episodes", type=whole(0), default=0, help="episodes with a random policy"
+    )
     options = parser.parse_args(argv)
     load(options.folder)
     ids = options.ids
@@ -270,4 +274,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run_command(main)

@@ -20,7 +20,6 @@ import argparse
 import importlib
 import json
 import random
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,10 +29,12 @@ import gymnasium
 import jax
 import numpy as np
 
+from fidelity.commands import run_command
 from fidelity.doom_recording import LONGEST_HOLD, pick
 from jaxenstein.adapters.registration import NAMESPACE, VIZDOOM_SCENARIOS, VIZDOOM_VERSION
 from jaxenstein.adapters.vizdoom_buffers import VARIABLES, load_vizdoom
 from jaxenstein.adapters.vizdoom_state import told_by, with_pose
+from jaxenstein.cli.arguments import whole
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.players import player_of
 
@@ -251,8 +252,12 @@ def compare(scenario: str, episodes: int, seed: int = 0, **settings: Any) -> Agr
 def main(argv: Sequence[str] | None = None) -> int:
     """Compare and print, or record."""
     parser = argparse.ArgumentParser(description="Compare ViZDoom's environments with ours.")
-    parser.add_argument("--episodes", type=int, default=20, help="of each (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes (default %(default)s)")
+    parser.add_argument(
+        "--episodes", type=whole(), default=20, help="of each (default %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=whole(0), default=0, help="of the episodes (default %(default)s)"
+    )
     parser.add_argument("--only", choices=VIZDOOM_SCENARIOS, help="one scenario")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the wrapper")
     options = parser.parse_args(argv)
@@ -271,4 +276,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

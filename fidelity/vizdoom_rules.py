@@ -20,8 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from fidelity.commands import run_command
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
+from jaxenstein.cli.arguments import whole
 from jaxenstein.tasks.doom.maps import MAP_SPOT, load_map
 
 VARIABLES = ("HEALTH", "POSITION_X", "POSITION_Y", "ANGLE")
@@ -184,22 +186,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(description="Measure rules of ViZDoom's tasks.")
     parser.add_argument("--only", choices=("health", "home"), help="measure only this task")
-    parser.add_argument("--seed", type=int, default=0, help="seed of games and players (default 0)")
     parser.add_argument(
-        "--episodes", type=int, default=300, help="episodes of each player (default 300)"
+        "--seed", type=whole(0), default=0, help="seed of games and players (default 0)"
     )
     parser.add_argument(
-        "--greedy", type=int, default=20, help="episodes of the greedy player (default 20)"
+        "--episodes", type=whole(), default=300, help="episodes of each player (default 300)"
     )
     parser.add_argument(
-        "--resets", type=int, default=2000, help="resets to measure starts (default 2000)"
+        "--greedy", type=whole(), default=20, help="episodes of the greedy player (default 20)"
+    )
+    parser.add_argument(
+        "--resets", type=whole(), default=2000, help="resets to measure starts (default 2000)"
     )
     options = parser.parse_args(argv)
-    if min(options.episodes, options.greedy, options.resets) < 1:
-        parser.error("--episodes, --greedy and --resets must be at least 1")
     print(f"ViZDoom {load_vizdoom().__version__}\n")
     measure(options)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -320,6 +320,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             what = problem(name, old)
             wrong += bool(what)
             print(message(name, what) if what else f"{name}: unchanged", flush=True)
+        elif options.check:
+            wrong += 1
+            print(message(name, "it has no golden episode"), flush=True)
         else:
             table[name] = choose(name)
             print(f"{name}: version {entry.version}, seed {table[name]['seed']}", flush=True)

@@ -70,6 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true")
     options = parser.parse_args(argv)
     known, ids = dict(level_counts()), generated_ids()
+    if unknown := [name for name in options.ids if name not in ids]:
+        parser.error(f"no environments that draw levels: {', '.join(unknown)}")
     stale = [n for n in ids if n not in known or known[n].version != ENTRIES[n].version]
     differ = False
     for name in options.ids or (ids if options.check else stale):

@@ -29,9 +29,9 @@ class Partner:
 
 
 _TORCH = "torch==2.13.0"
-_EVERY = "adapters/test_contract.py"
-_GYMNASIUM = ("adapters/test_gymnasium.py", "adapters/test_gymnasium_vector.py", _EVERY)
-_GYMNAX = ("adapters/test_gymnax.py", _EVERY)
+_EVERY = ("adapters/test_contract.py", "adapters/test_ranges.py")
+_GYMNASIUM = ("adapters/test_gymnasium.py", "adapters/test_gymnasium_vector.py", *_EVERY)
+_GYMNAX = ("adapters/test_gymnax.py", *_EVERY)
 # gymnax imports six without requiring it.
 PARTNERS: dict[str, Partner] = {
     "gymnasium-1.1": Partner(("gymnasium==1.1.1",), _GYMNASIUM, ("gymnasium",)),
@@ -39,7 +39,7 @@ PARTNERS: dict[str, Partner] = {
     "gymnax-0.0.9": Partner(("gymnax==0.0.9", "six"), _GYMNAX, ("gymnax",)),
     "gymnax": Partner(("gymnax>=1.0.1", "six"), _GYMNAX, ("gymnax",)),
     "rejax": Partner(("rejax>=0.1.3", "gymnax==0.0.9", "six"), _GYMNAX, ("gymnax", "rejax")),
-    "stoa": Partner(("stoa-env>=0.1.2",), ("adapters/test_stoa.py", _EVERY), ("stoa",)),
+    "stoa": Partner(("stoa-env>=0.1.2",), ("adapters/test_stoa.py", *_EVERY), ("stoa",)),
     "equinox": Partner(
         ("equinox>=0.13", "flax>=0.12", "optax>=0.2.4", "tensorboardX>=2.6", "wandb>=0.20"),
         ("examples/test_own_agents.py",),
@@ -47,7 +47,7 @@ PARTNERS: dict[str, Partner] = {
     ),
     "tensorboard": Partner(
         ("tensorboard>=2.18", "tensorboardX>=2.6", "flax>=0.12", "optax>=0.2.4", "matplotlib>=3.9"),
-        ("baselines/runs/test_foreign.py",),
+        ("baselines/runs/test_foreign.py", "cli/test_train.py"),
         ("tensorboard", "tensorboardX", "matplotlib"),
     ),
     "vizdoom": Partner(
@@ -57,10 +57,23 @@ PARTNERS: dict[str, Partner] = {
             "adapters/test_vizdoom_ids.py",
             "docs/test_doom_pixels.py",
             "docs/test_notebooks.py",
+            "baselines/runs/test_configs.py",
+            "baselines/runs/test_evaluate.py",
+            "baselines/runs/test_trained.py",
+            "experiments/test_other_pictures.py",
+            "fidelity/test_doom_map.py",
+            "tasks/doom/test_game_look.py",
+            "tasks/doom/test_picture_reference.py",
+            "tasks/doom/test_wad.py",
         ),
         ("vizdoom", "flax", "matplotlib"),
     ),
-    "torch": Partner((_TORCH,), ("adapters/test_torch.py", _EVERY), ("torch",), "3.11"),
+    "torch": Partner(
+        (_TORCH,),
+        ("adapters/test_torch.py", "examples/test_torch_loop.py", *_EVERY),
+        ("torch",),
+        "3.11",
+    ),
     "torchrl": Partner(
         (_TORCH, "torchrl>=0.14", "gymnasium>=1.4"),
         ("adapters/test_torchrl.py",),
@@ -69,7 +82,7 @@ PARTNERS: dict[str, Partner] = {
     ),
     "sb3": Partner(
         (_TORCH, "stable-baselines3>=2.4", "flax>=0.12", "optax>=0.2.4"),
-        ("adapters/test_sb3.py", "experiments/test_sb3_in_vizdoom.py", _EVERY),
+        ("adapters/test_sb3.py", "experiments/test_sb3_in_vizdoom.py", *_EVERY),
         ("torch", "stable_baselines3"),
         "3.11",
     ),

@@ -13,11 +13,9 @@ ROOT = Path(__file__).parents[1]
 
 def run_with_devices(number: int, *arguments: str) -> None:
     """Run a program that says "equal" on simulated devices."""
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={number}"
-    path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     done = subprocess.run(
         [sys.executable, "-W", "error", *arguments],
-        env={**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"},
+        env=_environment(number),
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -30,20 +28,20 @@ def run_with_devices(number: int, *arguments: str) -> None:
 
 def started(code: str, devices: int) -> subprocess.Popen[str]:
     """Start a process with this many simulated devices that runs this code."""
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
-    environment = {
-        **os.environ,
-        "XLA_FLAGS": flags,
-        "JAX_PLATFORMS": "cpu",
-        "PYTHONPATH": str(ROOT / "src"),
-    }
     return subprocess.Popen(
         [sys.executable, "-c", code],
-        env=environment,
+        env=_environment(devices),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+def _environment(devices: int) -> dict[str, str]:
+    """The variables of a process with this many simulated devices."""
+    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
+    path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+    return {**os.environ, "XLA_FLAGS": flags, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"}
 
 
 def free_port() -> int:

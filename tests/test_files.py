@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 from pathlib import Path
 
 import pytest
@@ -139,9 +138,6 @@ def test_too_long_name_is_reported_before_anything_is_created(tmp_path: Path) ->
     for path in (tmp_path / ("a" * 300), tmp_path / ("a" * 300) / "b.gif"):
         with pytest.raises(OutputError, match=r"^cannot write .*: file name too long$"):
             check_writable(path)
-    folder = re.escape(str(tmp_path))
-    with pytest.raises(OutputError, match=f"^cannot write {folder}: it is a folder$"):
-        check_writable(tmp_path)
     assert not list(tmp_path.iterdir())
 
 

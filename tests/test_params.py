@@ -10,6 +10,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein import SettingError
+from jaxenstein.params import differing
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
 
@@ -82,13 +83,22 @@ def test_batched_params_are_refused_for_one_environment(name):
             enter()
 
 
+def test_params_of_another_number_of_environments_are_refused():
+    _, params = jaxenstein.make("simple", **SIZE)
+    three = params.replace(turn_angle=jnp.ones(3))
+    names = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(params)]
+    assert differing(three, params, 3, "simple") == [name == ".turn_angle" for name in names]
+    told = r"params of 4 environments of 'simple': turn_angle .* \(\) .* \(4,\) .* not \(3,\)"
+    with pytest.raises(SettingError, match=told):
+        differing(three, params, 4, "simple")
+
+
 def test_stacked_params_are_mapped():
     env, params = jaxenstein.make("simple", **SIZE)
     keys = jax.random.split(jax.random.key(0), 1)
     stacked = jax.tree.map(lambda leaf: leaf[None], params)
-    for enter in (lambda: jax.vmap(env.reset, (0, None))(keys, stacked),):
-        with pytest.raises(SettingError, match=r"env.reset, in_axes=\(0, 0\)\)"):
-            enter()
+    with pytest.raises(SettingError, match=r"env.reset, in_axes=\(0, 0\)\)"):
+        jax.vmap(env.reset, (0, None))(keys, stacked)
     _, states = jax.vmap(env.reset, (0, 0))(keys, stacked)
     assert states.time.shape == (1,)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -184,7 +183,7 @@ def test_damaged_files_are_refused(
 ) -> None:
     file = tmp_path / "r.json"
     results().save(file)
-    plain = copy.deepcopy(json.loads(file.read_text()))
+    plain = json.loads(file.read_text())
     spoil(plain)
     file.write_text(json.dumps(plain))
     with pytest.raises(SettingError, match=message) as caught:

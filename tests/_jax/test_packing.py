@@ -11,7 +11,7 @@ import pytest
 
 import jaxenstein
 from jaxenstein._jax.packing import Packing
-from tests.baselines.worlds import enable_x64
+from tests.x64 import enable_x64
 
 TYPES = ("float32", "int32", "uint32", "bool", "uint8", "int8", "int16", "float16", "bfloat16")
 ROWS = 3

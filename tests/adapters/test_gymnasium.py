@@ -226,7 +226,7 @@ def test_render_is_in_colour_for_every_observation_kind(made: Any, kind: str) ->
     assert frame.flags.writeable
 
 
-def test_rgb_array_list_collects_frames(made: Any) -> None:
+def test_rgb_array_list_collects_frames() -> None:
     env = gymnasium.make("jaxenstein/simple-v0", render_mode="rgb_array_list", **SMALL)
     env.reset(seed=1)
     env.step(0)

@@ -17,7 +17,7 @@ from jaxenstein.baselines.networks import ActorCritic
 from jaxenstein.baselines.observations import ObservationSpec, Part
 from jaxenstein.baselines.optimiser import passes, sample_minibatches, take
 from jaxenstein.baselines.rollout import Steps, log_prob
-from tests.baselines.worlds import enable_x64
+from tests.x64 import enable_x64
 
 
 def make_batch(rng, steps=4, batch=3, heads=2, dtype: Any = np.float32):

@@ -11,13 +11,12 @@ import pytest
 pytest.importorskip("flax")
 
 from jaxenstein.baselines import Config, HParams, Learner
-from tests.baselines.worlds import Memory, enable_x64
+from tests.baselines import worlds
+from tests.baselines.worlds import Memory
+from tests.x64 import enable_x64
 
-BONUS_SIZES: dict[str, Any] = {
-    "ppo": {},
-    "rnd": {"rnd_hidden": 8, "rnd_output": 8},
-    "icm": {"icm_latent": 8, "icm_hidden": 8},
-    "e3b": {"e3b_latent": 8, "e3b_hidden": 8, "e3b_embedding": "temporal"},
+BONUS_SIZES = worlds.BONUS_SIZES | {
+    "e3b": {**worlds.BONUS_SIZES["e3b"], "e3b_embedding": "temporal"}
 }
 
 

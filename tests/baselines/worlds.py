@@ -137,14 +137,3 @@ def bandit() -> Bandit:
     env, _ = jaxenstein.from_ascii(BANDIT_MAP, heading=0.0, height=16, width=16)
     fields = {field.name: getattr(env, field.name) for field in dataclasses.fields(env)}
     return Bandit(**fields)
-
-
-def enable_x64(on: bool) -> Any:
-    """A context with 64-bit numbers enabled or disabled, in any version of JAX."""
-    try:
-        switch: Any = jax.enable_x64
-    except AttributeError:
-        import jax.experimental as older
-
-        switch = getattr(older, "enable_x64")  # noqa: B009
-    return switch(on)

@@ -1,4 +1,4 @@
-"""Run by test_spread.py: compare trajectories on several devices with those on one.
+"""Run by test_programs.py: compare trajectories on several devices with those on one.
 
 python -m tests.benchmarks.spread_run 8                      # devices of one process
 python -m tests.benchmarks.spread_run 2 HOST:PORT 2 INDEX    # devices of each of two

@@ -81,6 +81,16 @@ def test_hanging_subject_times_out(small, monkeypatch):
         Worker(Subject("hangs", ""), None)
 
 
+def test_subject_stuck_in_a_chunk_times_out(small, monkeypatch):
+    worker = Worker(Subject("stuck", ""), None)
+    monkeypatch.setattr(measure, "LIMIT", 0.5)
+    try:
+        with pytest.raises(SubjectError, match=r"no answer within 0\.5 s"):
+            worker.measure(1)
+    finally:
+        worker.close()
+
+
 def run(folder, *words):
     suite.main([*words, "--json", str(folder), "--rounds", "1", "--seconds", "0.01"])
 

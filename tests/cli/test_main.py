@@ -93,9 +93,15 @@ def test_list_explains_the_symbols(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["", "list", "rollout", "record", "replay", "bench", "convert", "score"]
+    "command",
+    [
+        *("", "list", "rollout", "play", "record", "replay", "bench", "convert", "score"),
+        *("train", "sweep", "evaluate", "export", "plot"),
+    ],
 )
 def test_help_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if command in ("train", "sweep", "evaluate", "export", "plot"):
+        pytest.importorskip("flax")
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), "--help"])
     assert caught.value.code == 0

@@ -150,7 +150,7 @@ def test_evaluate_refuses_conflicting_arguments(
         assert told in capsys.readouterr().err, words
 
 
-@pytest.mark.usefixtures("two_tasks", "plain_frames")
+@pytest.mark.usefixtures("two_tasks")
 def test_seeds_of_an_own_policy_are_scored_together(capsys: pytest.CaptureFixture[str]) -> None:
     Path("my_seeds.py").write_text(
         "import jax\n"

@@ -164,7 +164,7 @@ def test_refused_sweeps_make_no_folders(
     assert [path.name for path in (tmp_path / "s").iterdir()] == ["rnd"]
 
 
-def test_ctrl_c_in_last_update_of_a_part_ends_the_sweep(
+def test_signal_in_last_update_of_a_part_ends_the_sweep(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[str] = []

@@ -140,11 +140,11 @@ def test_diverged_training_warns_and_keeps_finite_parameters(
     out, told = tmp_path / "run", "diverged at update 1: its "
     command = ["train", *flags, "--out", str(out), "--learning-rate", "1e38"]
     assert main(command) == 3
-    for err in (capsys.readouterr().err,):
-        assert [f"seed-{seed} {told}" in err for seed in (0, 1)] == [True, True]
-        assert "It stops learning; try a lower --learning-rate" in err
-        assert "all 2 runs diverged" in err
-        assert "to continue" not in err
+    err = capsys.readouterr().err
+    assert [f"seed-{seed} {told}" in err for seed in (0, 1)] == [True, True]
+    assert "It stops learning; try a lower --learning-rate" in err
+    assert "all 2 runs diverged" in err
+    assert "to continue" not in err
     before = (out / "metrics.jsonl").read_bytes()
     assert main(["train", "--out", str(out), "--resume", "--no-tensorboard"]) == 3
     assert f"seed-1 {told}" in capsys.readouterr().err

@@ -77,7 +77,7 @@ def test_whole_episodes_and_wide_maps():
     assert played.length.shape == (len(KEYS),)
 
 
-def test_steps_equal_those_on_one_device():
+def test_steps_inside_shard_map_equal_those_outside():
     spread, spec, keys = sharded()
     env, params = jaxenstein.make("key-door", **SIZE)
     run = functools.partial(play_batch, env, params)

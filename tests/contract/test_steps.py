@@ -1,7 +1,6 @@
 """Properties of steps in any environment, tested on one or two of them."""
 
 import dataclasses
-import importlib
 import inspect
 from typing import Any, cast
 
@@ -14,6 +13,7 @@ import jaxenstein
 from jaxenstein.environment import Environment
 from reliability.golden import SIZE
 from tests.contract.played import Played, member
+from tests.x64 import enable_x64
 
 
 @pytest.mark.parametrize(
@@ -187,9 +187,7 @@ def test_x64_changes_no_dtype():
     env, params = jaxenstein.make("health-gathering", **SIZE)
     key = jax.random.key(5)
     narrow = env.step(key, env.reset(key, params)[1], 2, params)
-    # Older versions of JAX have it among the experiments, newer ones only at the top.
-    home = jax if hasattr(jax, "enable_x64") else importlib.import_module("jax.experimental")
-    with home.enable_x64(True):
+    with enable_x64(True):
         wide = env.step(key, env.reset(key, params)[1], 2, params)
     for a, b in zip(jax.tree.leaves(narrow), jax.tree.leaves(wide), strict=True):
         assert a.dtype == b.dtype

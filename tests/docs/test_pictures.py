@@ -42,7 +42,6 @@ def test_engine_finds_the_same_walls_as_geometry(tmp_path: Path, monkeypatch) ->
 
 @pytest.mark.slow
 def test_each_picture_is_drawn(tmp_path: Path, monkeypatch) -> None:
-    pytest.importorskip("flax")
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(pictures, "IMAGES", tmp_path / "images")
     monkeypatch.setattr(pictures, "EPISODES", tmp_path / "episodes")
@@ -64,7 +63,7 @@ def test_each_picture_is_drawn(tmp_path: Path, monkeypatch) -> None:
             assert (np.asarray(old) != np.asarray(new)).mean() < 0.02
 
 
-def test_stored_returns_are_reproducible(tmp_path: Path, monkeypatch) -> None:
+def test_measured_ids_replace_only_their_rows(tmp_path: Path, monkeypatch) -> None:
     stored = json.loads(measured.RETURNS.read_text("utf-8"))
     file = tmp_path / "returns.json"
     file.write_text(json.dumps(stored))
@@ -82,7 +81,6 @@ def test_stored_returns_are_reproducible(tmp_path: Path, monkeypatch) -> None:
 
 
 def test_agents_with_another_config_get_no_row() -> None:
-    pytest.importorskip("flax")
     with pytest.raises(SystemExit, match=r"was not trained with .*: its environment differs"):
         measured.row_of("simple-skip6", Path("pretrained/key-door"), 1)
 

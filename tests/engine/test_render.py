@@ -16,12 +16,7 @@ from tests.reference import images, raycaster, scenes
 from tests.reference.scenes import no_sprites, renderer
 from tests.reference.search import SEEDS, search_settings
 from tests.reference.worlds import World, draw_world
-
-# The name moved: the old one is deprecated where the new one exists.
-if hasattr(jax, "enable_x64"):
-    enable_x64 = jax.enable_x64
-else:
-    from jax.experimental import enable_x64  # pyright: ignore[reportAttributeAccessIssue]
+from tests.x64 import enable_x64
 
 THEME = scenes.plain_theme()
 NO_DOORS = np.zeros((0, 2), np.int32)

@@ -12,10 +12,9 @@ import pytest
 import jaxenstein
 from jaxenstein import SettingError
 from jaxenstein.episodes.session import NO_OP, Session
+from tests.episodes.world import World
 
-pytestmark = pytest.mark.usefixtures("plain_frames")
 MAP = "######\n#S..G#\n#....#\n######\n"
-World = tuple[Any, Any]
 
 
 @pytest.fixture(scope="module")

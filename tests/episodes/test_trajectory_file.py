@@ -208,9 +208,9 @@ def test_failed_write_keeps_the_old_file(
 
     path = tmp_path / "a.json"
     path.write_text("old")
-    for target in (f"{Path.__module__}.Path.write_text", "os.replace"):
+    for target in ("pathlib.Path.write_text", "os.replace"):
         with monkeypatch.context() as patch:
-            patch.setattr(target if target == "os.replace" else "pathlib.Path.write_text", no_space)
+            patch.setattr(target, no_space)
             with pytest.raises(OutputError, match="no space left"):
                 walk.save(path)
         assert path.read_text() == "old"

@@ -1,4 +1,4 @@
-"""The statistics of ViZDoom's rules, and the error of the script without ViZDoom."""
+"""The statistics of ViZDoom's rules."""
 
 from __future__ import annotations
 

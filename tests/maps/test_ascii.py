@@ -203,7 +203,7 @@ def test_doors_keep_their_look() -> None:
 @pytest.mark.parametrize(
     ("regions", "line", "column", "message"),
     [
-        ("####\n#1G#\n####", 2, 3, r"'G' \(goal\) is not allowed here, only # 1 2|space"),
+        ("####\n#1G#\n####", 2, 3, r"'G' \(goal\) is not allowed here, only \. space # 1 2 "),
         ("\n####\n#1?#\n####", 3, 3, "unknown symbol"),
         ("####\n#11#", 2, None, "4 columns and 2 rows do not fit .* 4 and 3"),
         ("####\n#11#\n####\n####", 4, None, "4 columns and 4 rows do not fit"),

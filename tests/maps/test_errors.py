@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import pytest
 
 from jaxenstein.errors import (
@@ -29,8 +27,6 @@ def test_map_error_states_its_place(place: dict, message: str) -> None:
     error = MapError("no", **place)
     assert str(error) == message
     assert (error.line, error.column) == (place.get("line"), place.get("column"))
-    copy = pickle.loads(pickle.dumps(error))
-    assert (str(copy), copy.line, copy.column) == (message, error.line, error.column)
 
 
 def test_errors_are_value_errors() -> None:

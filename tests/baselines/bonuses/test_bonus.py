@@ -69,6 +69,30 @@ class Visits:
         return state.replace(updates=state.updates + 1), {}
 
 
+@dataclasses.dataclass(frozen=True)
+class Clashing:
+    """A bonus `value` whose option is one of PPO's.
+
+    Attributes:
+        value_clip: a clip.
+    """
+
+    value_clip: Any = number(1.0, 0)
+
+
+class Loud(Visits):
+    """Has a metric of PPO's name."""
+
+    def __init__(self, spec: Any, actions: int, config: Config) -> None:
+        self._batch = config.num_envs
+
+    def reward(self, state: VisitsState, hparams: HParams, experience: Experience) -> Any:
+        return jnp.zeros((*experience.ended.shape, 2)), state, {}
+
+    def update(self, key: Any, state: VisitsState, hparams: Any, experience: Any, rate: Any) -> Any:
+        return state, {"loss": jnp.float32(0)}
+
+
 @pytest.fixture
 def visits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table, "_ALGORITHMS", dict(table.algorithms()))
@@ -77,7 +101,6 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("visits", "plain_frames")
 def test_custom_bonus_trains_stops_and_resumes(tmp_path: Path) -> None:
-    pytest.importorskip("orbax.checkpoint")
     from jaxenstein.baselines.runs.folder import RunFolder
     from jaxenstein.baselines.runs.options import all_options, given_by, read_file, resolve
     from jaxenstein.baselines.runs.sweeps import plan, swept
@@ -191,7 +214,8 @@ def initial_train_state(loop: Any) -> Any:
         ("Own-One", (), None, "lower-case letters, digits and underscores, not 'Own-One'"),
         ("visits", (), None, "there already is an algorithm 'visits'"),
         ("own", (VisitsOptions,), None, "must begin with 'own_', not 'visits_power'"),
-        ("own", (), {"bonus_rewrad": (1.0,)}, "number in a grid: 'bonus_rewrad', did you"),
+        ("value", (Clashing,), None, "there already is an option 'value_clip'"),
+        ("own", (), {"bonus_rewrad": (1.0,)}, "hyperparameter in a grid: 'bonus_rewrad', did you"),
     ],
 )
 def test_invalid_registrations_are_refused(
@@ -199,6 +223,17 @@ def test_invalid_registrations_are_refused(
 ) -> None:
     with pytest.raises(SettingError, match=message):
         register_bonus(name, Visits, *options, grid=grid)
+
+
+@pytest.mark.usefixtures("visits")
+def test_metrics_with_the_names_of_others_are_refused() -> None:
+    """Such as a loss, which would hide that of PPO from the check for divergence."""
+    from tests.baselines.tiny import tiny
+
+    register_bonus("loud", Loud)
+    learner = tiny(algo="loud").learner
+    with pytest.raises(SettingError, match="names that the training uses: loss"):
+        learner.train_chunk(learner.init(KEY), None, 1)
 
 
 @pytest.mark.usefixtures("visits")

@@ -440,6 +440,7 @@ def test_only_one_of_two_processes_gets_the_folder(tmp_path: Path) -> None:
 
 def test_run_names_are_exact_and_unique() -> None:
     assert run_names(tiny(seed=20240601)) == ["seed-20240601", "seed-20240602"]
+    assert run_names(tiny(seed=1_000_000, seeds=1)) == ["seed-1000000"]
     close = [0.1, 0.1 + 1e-9, 1e-5, 1.00000001e-5]
     names = run_names(tiny(grid={"learning_rate": close, "clip": [0.2]}, seeds=1))
     assert [float(name.split("-clip-0.2-seed-0")[0][14:]) for name in names] == close

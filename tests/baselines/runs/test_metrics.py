@@ -126,7 +126,10 @@ def test_no_warning_for_diverged_runs() -> None:
     told = watch.check(update(0.04))
     assert told is not None
     assert "from 1.6 to 0.04" in told
-    assert StallWatch(1).check([{"episodes": 5 * EPISODES, "diverged": 1, "entropy": None}]) is None
+    for lost in ({"diverged": 1, "entropy": None}, {"entropy": None}):
+        watch = StallWatch(1)
+        assert watch.check(rows(1, 1.6, 10)[:1]) is None
+        assert watch.check([{"episodes": 5 * EPISODES, **lost}]) is None
 
 
 def test_earlier_rows_and_rows_without_episodes_count() -> None:

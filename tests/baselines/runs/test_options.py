@@ -176,6 +176,7 @@ def test_alias_gives_the_same_experiment() -> None:
         ({"algo": "rdn"}, "one of 'ppo', 'rnd', 'icm', 'e3b', not 'rdn', did you mean"),
         ({"rnd_hiden": 8}, "unknown option 'rnd_hiden', did you mean 'rnd_hidden"),
         ({"num_envs": 6}, "num_envs must be a multiple of minibatches"),
+        ({"total_steps": 10**12, "rollout": 1}, r"total_steps must be at most 2147483647 \* "),
         ({"clip": 0}, "clip must be a finite number above 0, not 0"),
         (
             {"recipe": "tunned"},
@@ -191,7 +192,10 @@ def test_alias_gives_the_same_experiment() -> None:
         ({"height": 0}, "height"),
         ({"seeds": 0}, "seeds must be a whole number >= 1, not 0"),
         ({"seed": -1}, "seed must be a whole number from 0"),
-        ({"grid": {"clips": [1.0]}}, "unknown number in a grid: 'clips', did you mean 'clip'"),
+        (
+            {"grid": {"clips": [1.0]}},
+            "unknown hyperparameter in a grid: 'clips', did you mean 'clip'",
+        ),
         ({"grid": {"bonus_reward": [1.0]}}, "bonus_reward has no effect on ppo, only on rnd, icm"),
         (
             {"grid": {"rnd_loss": [1.0]}, "algo": "icm"},
@@ -229,7 +233,9 @@ def test_flags_override_config_file(tmp_path: Path) -> None:
     assert given["params"] == {"discount": 0.8, "living_reward": -0.5}
     experiment = resolve(QUICK | given)
     assert experiment.environment.id is None
-    assert resolve(QUICK | merge(read, {"env": "simple"})).environment.id == "simple"
+    # Params, like those of the file, belong to its environment.
+    replaced = resolve(QUICK | merge(read | {"horizon": 9}, {"env": "simple"})).environment
+    assert replaced == resolve(QUICK | {"env": "simple"}).environment
     # A heading belongs to the map of the file.
     turned = resolve(QUICK | merge(given, {"heading": 0.5})).environment
     assert turned == changed(experiment.environment, {"heading": 0.5})
@@ -333,6 +339,13 @@ def test_yaml_numbers_and_repeated_names(tmp_path: Path) -> None:
             SettingError, match=r"run.yaml is not YAML: two entries have .* 'seeds'"
         ):
             read_file(file)
+
+
+def test_one_option_in_two_spellings_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "run.toml"
+    file.write_text("num-envs = 8\nnum_envs = 64\n")
+    with pytest.raises(SettingError, match=r"run.toml: two entries have the name 'num_envs'"):
+        read_file(file)
 
 
 def test_dots_in_strings_and_comments_are_no_keys(tmp_path: Path) -> None:
