@@ -165,6 +165,7 @@ RUN = (*FIRST, "runs", "seed-1")
         (change(*FIRST, "made_with", "jax", value=3), "'made_with.jax' must be one line of text"),
         (change(*FIRST, "environment", "version", value=-1), "'environment.version' must be"),
         (change(*FIRST, "environment", "params", value={"a": "b"}), "'environment.params.a' must"),
+        (change(*FIRST, "environment", "params", value={"a": [1, 2, 3]}), "two ends of a range"),
         (change(*FIRST, "environment", value=None), "'environment' must be an object of id"),
         (change(*FIRST, "environment", "id", value=5), "'environment.id' must be one line of text"),
         (change(*RUN, "return", 1, value="1"), r"return': episode 1 \(from 0\) must be int or flo"),

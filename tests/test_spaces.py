@@ -10,6 +10,7 @@ import pytest
 from jaxenstein.spaces import Box, Dict, Discrete
 
 BYTES = Box(0, 255, (2, 3), np.dtype(np.uint8))
+BELOW = Box(-np.inf, -5.0, (3,), np.dtype(np.float32))
 DEPTHS = Box(0.0, np.inf, (4,), np.dtype(np.float32))
 
 
@@ -21,7 +22,7 @@ def sampled(space: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    "space", [Discrete(5), BYTES, DEPTHS, Dict({"image": BYTES, "depth": DEPTHS})]
+    "space", [Discrete(5), BYTES, BELOW, DEPTHS, Dict({"image": BYTES, "depth": DEPTHS})]
 )
 def test_samples_are_in_the_space(space):
     samples = sampled(space)

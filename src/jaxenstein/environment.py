@@ -224,7 +224,8 @@ class Environment(abc.ABC, Generic[S, P]):
             observation; state; float32[] reward; bool[] terminated, whether the task ended the
             episode; bool[] truncated, whether the time limit did (both can be true); info.
             `info` describes the state before any reset, so where `terminated | truncated`,
-            `episode_return` and `episode_length` cover the whole episode. `success`, bool[], is
+            `episode_return` and `episode_length` cover the whole episode. With `"next-step"`, the
+            step that resets describes the new state, without events. `success`, bool[], is
             true in a step that reached the aim of the task.
 
         Raises:

@@ -104,6 +104,7 @@ def changed(spec: Spec, given: Mapping[str, Any]) -> Spec:
     # Drop the options of a look or split that is no longer set.
     asked = {**given, **(given.get("settings") or {})}
     gone = {"look_seeds", "look_range"} if asked.get("look", "random") != "random" else set()
+    gone |= {"textures"} if asked.get("look", "plain") != "plain" else set()
     gone |= {"wad"} if asked.get("look", "game") != "game" else set()
     gone |= {"samples"} if asked.get("look", "game") not in ("game", "random") else set()
     gone |= {"test_fraction"} if asked.get("split", "") is None else set()

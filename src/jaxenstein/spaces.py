@@ -65,7 +65,8 @@ class Box:
             return jax.random.randint(key, self.shape, int(self.low), int(self.high) + 1).astype(
                 self.dtype
             )
-        low = self.low if np.isfinite(self.low) else -1.0
+        below = self.high - 2.0 if np.isfinite(self.high) else -1.0
+        low = self.low if np.isfinite(self.low) else below
         high = self.high if np.isfinite(self.high) else low + 2.0
         return jax.random.uniform(key, self.shape, self.dtype, low, high)
 

@@ -91,6 +91,11 @@ class Spec:
             check_value(f"'environment.{table}'", Domain("table"), plain[table])
         for name, value in plain["params"].items():
             if not isinstance(value, bool):
+                if isinstance(value, list) and len(value) != 2:
+                    raise SettingError(
+                        f"'environment.params.{name}' must be a number or the two ends of a range, "
+                        f"not {quoted(value)}"
+                    )
                 for number in value if isinstance(value, list) else [value]:
                     check_value(f"'environment.params.{name}'", Domain("number"), number)
         settings, params = (

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from jaxenstein.cli import build_parser, main
 from jaxenstein.cli.opening import given_options
@@ -85,7 +86,8 @@ def test_mistakes_give_one_line_errors(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_given_look_replaces_look_of_a_run() -> None:
+def test_given_look_replaces_look_of_a_run(tmp_path: Path) -> None:
+    Image.new("RGB", (8, 8)).save(tmp_path / "floor.png")
     trained = spec_from({"env": "simple", "look": "random", "look_seeds": [0, 100]})
     other = changed(trained, {"settings": {"look_seeds": [100, 200], "look_range": 0.5}})
     assert (
@@ -97,6 +99,8 @@ def test_given_look_replaces_look_of_a_run() -> None:
     plain = changed(trained, {"settings": {"look": "plain"}}).build()[0]
     assert isinstance(plain, FirstPerson)
     assert plain.look == "plain"
+    dressed = spec_from({"env": "simple", "textures": str(tmp_path)})
+    assert "textures" not in changed(dressed, {"look": "random"}).settings
     averaged = {"env": "doom-basic", "settings": {"look": "random", "samples": 2}}
     for look, left in (("plain", {"look"}), ("random", {"look", "samples"})):
         other = changed(spec_from(averaged), {"settings": {"look": look}})

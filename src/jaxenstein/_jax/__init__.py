@@ -6,6 +6,7 @@
   and is tens of times slower.
 - `packing`: without it, a call from Python takes time for each small array that it passes, more
   than for the step itself.
+- `inline`: without it, a step of one environment on a CPU waits for other threads.
 
 You can read a task without knowing any of this: `where_few(f)(needed, x)` is `f(x)` where it is
 needed, `staged(f)(x)` is `f(x)`, and `varying(x, y)` is `x`.

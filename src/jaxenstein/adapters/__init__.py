@@ -1,5 +1,5 @@
 """Adapters to other libraries, one file per library.
 
-Each file imports only its own library, which the extra of the same name installs. The adapters
-outside of JAX share `batch`.
+Each file imports only what the extra of the same name installs. The adapters outside of JAX share
+`batch`, except that of ViZDoom.
 """

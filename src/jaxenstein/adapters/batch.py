@@ -89,8 +89,8 @@ def check_process() -> None:
 class Batch:
     """N environments of one kind, which keep their own states and random streams.
 
-    A step in which no episode ends renders N frames. A step in which K episodes end renders N + K
-    frames, with K rounded up to a multiple of 8.
+    A step renders N frames. With `"same-step"`, a step in which K episodes end renders K more, with
+    K rounded up to a multiple of 8 or, if that is smaller, of N.
     """
 
     def __init__(

@@ -136,7 +136,7 @@ class GymnasiumVectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray]):
             seed = seeds_of(seed, self.num_envs)
             if one:
                 super().reset(seed=seed[0])
-        elif seed is None and not self._batch.begun:
+        elif not self._batch.begun:
             seed = int(self.np_random.integers(2**63))
         self._observation, info = self._batch.reset(seed, mask)
         chosen = np.ones(self.num_envs, bool) if mask is None else np.array(mask)

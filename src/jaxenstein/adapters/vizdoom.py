@@ -335,7 +335,7 @@ class GameEnv(gymnasium.Env[Any, Any]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
 
     def __init__(self, env: AnyEnvironment | str, params: Any = None, **settings: Any) -> None:
-        """Start the game; the arguments are those of `GymnasiumEnv`."""
+        """Start the game; env, params and settings are those of `GymnasiumEnv`."""
         env, params = resolve(env, params, settings)
         self.session = GameSession(env, params)
         self.observation_space = gymnasium_space(env, params)

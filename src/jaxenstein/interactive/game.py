@@ -165,7 +165,7 @@ class Game:
             return self.help()
         if session.over:
             return [
-                f"{(self._event or 'the episode is over')}",
+                self._event or "the episode is over",
                 f"return {_signed(session.episode_return)} after {len(session.actions)} steps",
                 f"R: next episode (seed {_next(session.seed)})   Q: quit",
             ]
@@ -188,7 +188,7 @@ class Game:
 
         Args:
             room: the rectangle; the map only exceeds it if there are more tiles than pixels.
-            finer: how many times larger the map may be anyway.
+            finer: draw the map this many times larger; the display shrinks it smoothly.
         """
         tilemap = self._tilemap
         fitting = min(room.width // tilemap.columns, room.height // tilemap.rows)
@@ -220,7 +220,7 @@ class Game:
         self._positions = [self._snapshot["positions"]]
         self._ground: MapPicture | None = None
         self._drawn = 0
-        self._event, self._event_step = "", 0
+        self._event, self._event_step = self.env.instruction(session.state), 0
         self._controls.clear()
         if self._keep:
             builder = EpisodeBuilder()
@@ -283,7 +283,7 @@ class AgentGame(Game):
     def __init__(self, env: Any, params: Any, policy: Policy, **kwargs: Any) -> None:
         """Store the policy; the other arguments are those of `Game`."""
         super().__init__(env, params, **kwargs)
-        self._controls = AgentControls(lambda: int(policy(self.session)), kwargs.get("fps", 15.0))
+        self._controls = AgentControls(lambda: int(policy(self.session)), self._fps)
         # Compiles the policy before anything is shown.
         policy(self.session)
 
@@ -295,7 +295,8 @@ class AgentGame(Game):
 def wait_for(display: Display, load: Callable[[], Game]) -> Game | None:
     """Run `load` behind a notice; returns its game, or None if the player quits first.
 
-    Compiling takes seconds, so it runs on a thread while the display stays responsive.
+    Compiling takes seconds, so it runs on a thread while the display stays responsive. The process
+    only ends after that thread.
     """
     pool = ThreadPoolExecutor(1)
     game = pool.submit(load)

@@ -1,4 +1,4 @@
-"""Maps on the host: text to `TileMap`, using only numpy. Only the importers import JAX."""
+"""Maps on the host: text to `TileMap`, with numpy."""
 
 from .ascii import layout_names, load_layout, parse_ascii
 from .own_things import register_thing

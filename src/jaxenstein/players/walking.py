@@ -115,7 +115,7 @@ def walk_down(
         field: int32[rows, columns], the walking distance in tiles to the target.
         key: the random key.
     """
-    target, _ = next_tile(field, scene)
+    target = next_tile(field, scene)
     offset = target.astype(jnp.float32) + 0.5 - scene.position
     wide = (body.angle > _WIDE_TURN) | (body.step * body.steps > _LONG_STRIDE)
     looked = best_stride(body, scene, offset, field, key)
@@ -243,8 +243,8 @@ def _blocked(body: Movement, scene: Scene, turns: jax.Array) -> jax.Array:
     return jnp.all(after == scene.position)
 
 
-def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
-    """int32[2], the tile to walk to; bool[], whether the player is already on the target.
+def next_tile(field: jax.Array, state: Any) -> jax.Array:
+    """int32[2]: the tile to walk to.
 
     The tile is the neighbour closest to the target, or the target itself. Of equally close
     neighbours, the one that needs the least turning is chosen.
@@ -260,7 +260,7 @@ def next_tile(field: jax.Array, state: Any) -> tuple[jax.Array, jax.Array]:
     cosine = ahead / jnp.sqrt(jnp.sum(offset**2, axis=-1))
     best = jnp.argmin(steps.astype(jnp.float32) + 0.25 * (1 - cosine))
     there = field[cell[1], cell[0]] == 0
-    return jnp.where(there, cell, beside[best]), there
+    return jnp.where(there, cell, beside[best])
 
 
 def faces_door(scene: Scene, tile: jax.Array, reach: Any) -> jax.Array:

@@ -50,3 +50,9 @@ def mixed(word: Words) -> Words:
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         word = (word ^ (word >> np.uint32(shift))) * np.uint32(factor)
     return word ^ (word >> np.uint32(16))
+
+
+def random_order(bits: jax.Array, real: jax.Array) -> jax.Array:
+    """int32[n]: a random order of the first `real` of n, then the others, from uint32[n]."""
+    lacking = np.arange(len(bits), dtype=np.int32) >= real
+    return jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), bits >> 1))

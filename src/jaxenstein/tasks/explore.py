@@ -27,7 +27,7 @@ from ..maps.symbols import DEFAULT_WALL, door_label
 from ..maps.things import APPLE, BALL, BOX, GOAL, GREY
 from ..players.walking import SHORTEST_PATH, flood, mask_of
 from .appearance import build_theme
-from .draws import sample_index, sample_unit
+from .draws import random_order, sample_index, sample_unit
 from .first_person import GeneratedTask
 from .maze import FLOORS, SKY
 from .maze_ways import sample_closed
@@ -97,9 +97,9 @@ class ObstructedState(ExploreState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Explore(GeneratedTask[ExploreState, ExploreParams]):
-    """Take all good things in a maze; then a new round begins at another start.
+    """Take all good things in a maze; then a new round begins at a random start.
 
-    The agent has all actions of light ports except "interact". Only the time limit ends the
+    The actions are turn left, turn right, forward and backward. Only the time limit ends the
     episode.
 
     Attributes:
@@ -130,10 +130,10 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
     def __post_init__(self) -> None:
         """Check the settings."""
         super().__post_init__()
-        most = self.plan.least**2 - 1
-        if not (self.starts >= 1 and self.places >= 2 and self.starts + self.places <= most + 1):
+        most = self.plan.least**2
+        if not (self.starts >= 1 and self.places >= 2 and self.starts + self.places <= most):
             raise SettingError(
-                f"starts must be at least 1, places at least 2, and their sum at most {most + 1}, "
+                f"starts must be at least 1, places at least 2, and their sum at most {most}, "
                 f"the tiles of a room, not {quoted(self.starts)} and {quoted(self.places)}"
             )
         if self.doors and self.kind != "goal":
@@ -173,11 +173,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         drawn = sample_in_rooms(bits[:cells], maze, rooms, self.starts + self.places)
         drawn = drawn.astype(jnp.float32) + 0.5
         places = drawn[:, self.starts :].reshape(-1, 2)
-        places = places[_order(bits[cells : cells + most], maze.rooms * self.places)]
+        places = places[random_order(bits[cells : cells + most], maze.rooms * self.places)]
         index, real = np.arange(count, dtype=np.int32), maze.rooms * self.places // 2
         good = jnp.ones(count, bool)
         if self.kind == "objects":
-            good = jnp.argsort(_order(bits[-count:], real)) < real // 2
+            good = jnp.argsort(random_order(bits[-count:], real)) < real // 2
         start = functools.partial(ObstructedState, closed=jnp.zeros(self.doors, bool))
         state = (start if self.doors else ExploreState)(
             position=jnp.zeros(2, jnp.float32),
@@ -221,11 +221,11 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
         return level_from_walls(walls.astype(jnp.uint8), doors)
 
     def _begin_round(self, key: jax.Array, state: ExploreState) -> ExploreState:
-        """Sample another start and heading, and put all things back; objects change places."""
+        """Sample a start and a heading, and put all things back; objects change places."""
         objects = self.kind == "objects"
         bits = jax.random.bits(key, (2 + objects * len(state.places),), jnp.uint32)
         if objects:
-            order = _order(bits[2:], state.starting // self.starts * self.places)
+            order = random_order(bits[2:], state.starting // self.starts * self.places)
             state = state.replace(things=state.places[order[: len(state.things)]])
         state = state.replace(
             position=state.starts[sample_index(bits[0], state.starting)],
@@ -304,12 +304,6 @@ class Explore(GeneratedTask[ExploreState, ExploreParams]):
             mask_of(cells, shape, state.left & which) for which in (state.good, ~state.good)
         )
         return flood(_floor(state, _closed(state)) & ~bad, good)
-
-
-def _order(bits: jax.Array, real: jax.Array) -> jax.Array:
-    """int32[n], a random order of the first `real` of n; those that the maze lacks come last."""
-    lacking = np.arange(len(bits), dtype=np.int32) >= real
-    return jnp.argsort(jnp.where(lacking, jnp.uint32(2**32 - 1), bits >> 1))
 
 
 def _closed(state: ExploreState) -> jax.Array:

@@ -13,7 +13,7 @@ from .draws import sample_index
 # (row, column) directions from which detours are removed, in the order of the original.
 _UP = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)), np.int32)
 # (row, column) offsets of neighbouring cells.
-_AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0))
+AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0))
 # Quarter turns, counter-clockwise, that rotate each direction up.
 _TURNS = (2, 0, 1, 3)
 
@@ -125,7 +125,7 @@ def sample_path(
         time, depth, left = carry
         deepest = jnp.max(depth)
         here = depth == deepest
-        ways = jnp.stack([shift(here, *step) for step in _AROUND]) & left[None]
+        ways = jnp.stack([shift(here, *step) for step in AROUND]) & left[None]
         beside = jnp.any(ways, axis=(1, 2))
         upto = jnp.cumsum(beside, dtype=jnp.int32)
         way = jnp.argmax(upto > sample_index(bits[time], jnp.maximum(upto[-1], 1)))

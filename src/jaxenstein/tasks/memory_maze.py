@@ -27,7 +27,7 @@ from ..maps.things import BALL, DETAIL_SHADE, RGB
 from ..players.walking import SHORTEST_PATH, flood, mask_of, movement_of, remaining
 from ..spaces import Box
 from .appearance import build_theme
-from .draws import sample_index, sample_unit
+from .draws import random_order, sample_index, sample_unit
 from .first_person import GeneratedTask
 from .hud import frame
 from .random_maze import MazePlan, sample_in_rooms, sample_maze
@@ -179,9 +179,7 @@ class MemoryMaze(GeneratedTask[MemoryMazeState, MemoryMazeParams]):
         bits = jax.random.bits(things_key, (size**2 + most + 9,), jnp.uint32)
         cells = sample_in_rooms(bits[: size**2], maze, most, 2)
         own = bits[size**2 : size**2 + most]
-        # Rooms in random order; rooms that the maze lacks come last.
-        there = np.arange(most, dtype=np.int32) < maze.rooms
-        order = jnp.argsort(jnp.where(there, own >> 1, jnp.uint32(2**32 - 1)))
+        order = random_order(own, maze.rooms)
         start = jax.random.bits(start_key, (3,), jnp.uint32)
         return MemoryMazeState(
             position=cells[sample_index(start[0], maze.rooms), 1].astype(jnp.float32) + 0.5,

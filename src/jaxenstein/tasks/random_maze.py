@@ -22,14 +22,13 @@ from ..errors import SettingError
 from ..fields import check_whole
 from ..pytree import PyTreeNode
 from .draws import sample_index
-from .maze_ways import shift, straighten
+from .maze_ways import AROUND, shift, straighten
 
 # How often rooms are redrawn if there are too few; one draw of fifty has too few in 9x9 mazes.
 TRIES = 16
 # The largest sum of the weights of rooms, apart from rounding.
 LARGEST = 2**23
 # (row, column) of the lattice's directions: east, west, south, north.
-_AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
 class RandomMaze(PyTreeNode):
@@ -237,13 +236,13 @@ def carve(bits: jax.Array, room: jax.Array) -> tuple[jax.Array, jax.Array]:
     def visit(carry: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         time, region, reached, links = carry
         left = region == 0
-        beside = jnp.stack([shift(left, *step) for step in _AROUND])
+        beside = jnp.stack([shift(left, *step) for step in AROUND])
         last = jnp.argmax(jnp.where(jnp.any(beside, axis=0), reached, 0)).astype(jnp.int32)
         here = index == last
         ways = jnp.any(beside & here[None], axis=(1, 2)) & (reached.reshape(-1)[last] > 0)
         upto = jnp.cumsum(ways, dtype=jnp.int32)
         way = jnp.argmax(upto > sample_index(bits[time], jnp.maximum(upto[-1], 1)))
-        steps = jnp.stack([shift(here, -down, -along) for down, along in _AROUND])
+        steps = jnp.stack([shift(here, -down, -along) for down, along in AROUND])
         # If no visited point can continue, a new maze starts at the first unvisited point.
         goes = upto[-1] > 0
         there = jnp.where(goes, steps[way], index == jnp.argmax(left))

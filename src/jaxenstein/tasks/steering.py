@@ -1,4 +1,4 @@
-"""Turning and walking: the actions that all tasks share, and the headings of starts."""
+"""Turning and walking: the actions that most tasks on tiles share, and the headings of starts."""
 
 from __future__ import annotations
 

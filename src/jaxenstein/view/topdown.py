@@ -259,7 +259,7 @@ class MapPicture:
 
 
 def draw_map(tilemap: TileMap, *, scale: int | None = None, size: int = 480) -> MapPicture:
-    """Draw the walls and spawns of a map; add things, path and agent to the result.
+    """Draw the walls, spawns and goals of a map; add things, path and agent to the result.
 
     Args:
         tilemap: the map, from 1x1 to a few hundred tiles.

@@ -131,7 +131,7 @@ def hunt(env: Any, params: Any) -> Choose:
         supplies = tiles_of(env, places, fetched)
         aims = jnp.where(jnp.any(fetched), supplies, env.next_tiles(state))
         field = flood(floor, jnp.pad(aims, 1))[1:-1, 1:-1]
-        (column, row), _ = next_tile(field, state)
+        column, row = next_tile(field, state)
         east = env.tiles.west * ONE + (2 * column + 1) * (env.unit * ONE // 2)
         north = env.tiles.north * ONE - (2 * row + 1) * (env.unit * ONE // 2)
         return jnp.where(jnp.any(seen), shoots, walk(state, jnp.stack([east, north])))
