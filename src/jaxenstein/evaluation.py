@@ -12,14 +12,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import drawing
-from .drawing import Drawn
+from . import ranged
 from .environment import AnyEnvironment, Environment
 from .errors import SettingError, quoted
 from .fields import check_seed, check_whole
 from .params import split_ranges
 from .players import play, player_of
 from .pytree import PyTreeNode
+from .ranged import Drawn
 from .results import Results, check_text
 from .spec import Spec, described
 
@@ -187,7 +187,7 @@ def evaluate(
         ([[1.0, 1.0, 1.0]], [[True, True, True]])
     """
     env = _without_autoreset(env)
-    given = drawing.single_params(env, params)
+    given = ranged.single_params(env, params)
     numbers = split_ranges(given)[0]
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     key = jax.random.key(seed, impl="threefry2x32")
@@ -225,7 +225,7 @@ def evaluate_player(
             of range, or the task has no such player.
     """
     env = _without_autoreset(env)
-    given = drawing.single_params(env, params)
+    given = ranged.single_params(env, params)
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     player = player_of(env, name)
     reset_key, key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
@@ -268,7 +268,7 @@ def _results(
 def _first(env: AnyEnvironment, params: Any, key: jax.Array, episodes: int) -> Drawn:
     """The first states of the episodes, and the params that they draw."""
     keys = jax.random.split(key, episodes)
-    return jax.vmap(lambda key: drawing.first_state(env, key, params))(keys)
+    return jax.vmap(lambda key: ranged.first_state(env, key, params))(keys)
 
 
 def name_of(policy: Any) -> str:
@@ -301,8 +301,8 @@ def _begin(env: AnyEnvironment, params: Any, carry: Any, key: jax.Array, episode
 
     def first(number: jax.Array) -> _Actors:
         reset_key, key_of_steps = jax.random.split(jax.random.fold_in(key, number))
-        drawn = drawing.first_state(env, reset_key, params)
-        return _Actors(key_of_steps, drawn, drawing.observe(env, drawn, params), carry)
+        drawn = ranged.first_state(env, reset_key, params)
+        return _Actors(key_of_steps, drawn, ranged.observe(env, drawn, params), carry)
 
     return unstarted(jax.vmap(first)(jnp.arange(episodes)), (episodes,))
 

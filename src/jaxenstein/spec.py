@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from . import drawing, registry, text_maps
+from . import ranged, registry, text_maps
 from .environment import AnyEnvironment
 from .errors import (
     JAXensteinError,
@@ -121,7 +121,7 @@ class Spec:
             else:
                 env, params = text_maps.from_ascii(**self.settings)
         env = dataclasses.replace(env, autoreset=None, final_observation=False)
-        return env, drawing.check_params(env, params.replace(**self.params))
+        return env, ranged.check_params(env, params.replace(**self.params))
 
     def try_out(self) -> tuple[AnyEnvironment, Any]:
         """As `build`, for a spec from an untrusted file: also checks the values of all settings.

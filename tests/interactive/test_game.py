@@ -37,7 +37,9 @@ def game(world: tuple[Any, Any]) -> Game:
 
 
 def test_the_instruction_is_shown_from_the_first_frame() -> None:
-    game = Game(*jaxenstein.make("minigrid-go-to-door-5x5", **SMALL), seed=0)
+    env: Any
+    env, params = jaxenstein.make("minigrid-go-to-door-5x5", **SMALL)
+    game = Game(env, params, seed=0)
     asked = game.env.instruction(game.session.state)
     assert asked
     assert game.status()[1] == asked

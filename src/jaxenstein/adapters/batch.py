@@ -15,11 +15,11 @@ import numpy as np
 
 from .._jax.inline import inline_device
 from .._jax.packing import Packing
-from ..drawing import Drawn
 from ..environment import AnyEnvironment, Autoreset
 from ..errors import SettingError, quoted
 from ..fields import check_seed, check_whole, is_whole
 from ..params import differing, ranges_of, split_ranges, with_numbers
+from ..ranged import Drawn
 from . import batch_calls
 
 # How many environments whose episode ended are reset and rendered per call.

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
-from .. import drawing
+from .. import ranged
 from .._jax.batching import select
 from .._jax.packing import Packing
 from .._jax.staging import staged
@@ -107,10 +107,10 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
 
     def kept() -> Any:
         key = jax.random.key(0, impl="threefry2x32")
-        return key, drawing.first_state(env, key, params())
+        return key, ranged.first_state(env, key, params())
 
     def outcome(key: jax.Array, drawn: Any) -> Any:
-        return drawing.outcome(env, key, key, drawn, jnp.int32(0), params())[2:]
+        return ranged.outcome(env, key, key, drawn, jnp.int32(0), params())[2:]
 
     return Packing(kept), Packing(lambda: outcome(*kept()))
 
@@ -133,9 +133,9 @@ def reset(env: AnyEnvironment, plan: Plan, keys: jax.Array, numbers: jax.Array) 
     """Start an episode in each environment: rows, observations, info."""
     _, kept, _, layout = plan
     keys, used = _split(keys)
-    states = _over(drawing.first_state, env, layout, numbers, used)
-    observation = _over(drawing.observe, env, layout, numbers, states)
-    info = _over(drawing.describe, env, layout, numbers, states)
+    states = _over(ranged.first_state, env, layout, numbers, used)
+    observation = _over(ranged.observe, env, layout, numbers, states)
+    info = _over(ranged.describe, env, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
@@ -151,11 +151,11 @@ def reset_some(
     """Start an episode where the mask is true: rows, observations, info."""
     _, kept, _, layout = plan
     after, used = _split(keys)
-    fresh = _over(drawing.first_state, env, layout, numbers, used)
+    fresh = _over(ranged.first_state, env, layout, numbers, used)
     keys = jnp.where(mask, after, keys)
     states = jax.vmap(select)(mask, fresh, states)
-    observation = _over(drawing.observe, env, layout, numbers, states)
-    info = _over(drawing.describe, env, layout, numbers, states)
+    observation = _over(ranged.observe, env, layout, numbers, states)
+    info = _over(ranged.describe, env, layout, numbers, states)
     return jax.vmap(kept.pack)((keys, states)), observation, info
 
 
@@ -174,7 +174,7 @@ def step(
         # With "next-step", steps and resets use the keys that they have in the other modes.
         steps, resets = _split(used)
         used = (steps, used if env.autoreset else resets)
-        states, _, *rest = _over(drawing.outcome, env, layout, numbers, *used, states, actions)
+        states, _, *rest = _over(ranged.outcome, env, layout, numbers, *used, states, actions)
         return jax.vmap(kept.pack)((keys, states)), jax.vmap(outcome.pack)(tuple(rest))
 
     def of_rows(rows: jax.Array, actions: jax.Array, numbers: jax.Array) -> tuple[Any, ...]:
@@ -183,7 +183,7 @@ def step(
         run = staged(rules) if rows.shape[0] == 1 else rules
         rows, told = run(rows, actions, numbers)
         states = jax.vmap(kept.unpack)(rows)[1]
-        return rows, _over(drawing.observe, env, layout, numbers, states), told
+        return rows, _over(ranged.observe, env, layout, numbers, states), told
 
     return _on_each_device(mesh, of_rows, rows, actions, numbers)
 
@@ -204,20 +204,20 @@ def restart(
         numbers = numbers[indices]
     final = jax.tree.map(lambda leaf: leaf[indices], observation)
     after, used = _split(jax.vmap(kept.unpack)(rows[indices])[0])
-    fresh = _over(drawing.first_state, env, layout, numbers, used)
-    first = _over(drawing.observe, env, layout, numbers, fresh)
+    fresh = _over(ranged.first_state, env, layout, numbers, used)
+    first = _over(ranged.observe, env, layout, numbers, fresh)
     rows, observation = jax.tree.map(
         lambda every, some: every.at[indices].set(some),
         (rows, observation),
         (jax.vmap(kept.pack)((after, fresh)), first),
     )
-    return rows, observation, final, _over(drawing.describe, env, layout, numbers, fresh)
+    return rows, observation, final, _over(ranged.describe, env, layout, numbers, fresh)
 
 
 @_compiled
 def observe(env: AnyEnvironment, layout: Packing, states: Any, numbers: jax.Array) -> Any:
     """The observation of each environment."""
-    return _over(drawing.observe, env, layout, numbers, states)
+    return _over(ranged.observe, env, layout, numbers, states)
 
 
 def _split(keys: jax.Array) -> tuple[jax.Array, jax.Array]:

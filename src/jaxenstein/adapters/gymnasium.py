@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .. import drawing, spaces
+from .. import ranged, spaces
 from ..environment import AnyEnvironment, Environment
 from ..errors import SettingError, nearest, quoted
 from ..fields import check_seed, names_of
@@ -80,7 +80,7 @@ class GymnasiumEnv(gymnasium.Env[Any, Any]):
             UnknownEnvironmentError: the id does not exist.
         """
         env, params = resolve(env, params, settings)
-        params = drawing.single_params(env, params)
+        params = ranged.single_params(env, params)
         check_render_mode(env, render_mode, self.metadata["render_modes"])
         self._batch = Batch(env, params, autoreset=None, spread=False, inline=True)
         self.env, self.params = self._batch.env, self._batch.params
@@ -215,7 +215,7 @@ def resolve(
                 f"settings ({', '.join(settings)}) need an id: for an environment, pass settings "
                 "to make, and change params with params.replace(...)"
             )
-        return env, drawing.check_params(env, params)
+        return env, ranged.check_params(env, params)
     for name in ("autoreset", "final_observation"):
         if name in settings:
             raise SettingError(
@@ -235,7 +235,7 @@ def resolve(
         if name not in params_of:
             close = nearest(name, [*static, *params_of])
             raise SettingError(f"{made.name} has no setting or param {quoted(name)}{close}")
-    return made, drawing.check_params(made, params).replace(**numbers)
+    return made, ranged.check_params(made, params).replace(**numbers)
 
 
 def gymnasium_space(env: AnyEnvironment, params: Any) -> gymnasium.Space[Any]:

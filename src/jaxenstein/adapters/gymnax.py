@@ -29,7 +29,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import drawing, registry
+from .. import ranged, registry
 from .. import spaces as own
 from ..environment import AnyEnvironment, Info
 from ..params import split_ranges
@@ -53,7 +53,7 @@ class GymnaxEnvironment(base.Environment):
     """An environment of this package with the gymnax API.
 
     States are those of the wrapped environment, which have the `time` that gymnax needs, or
-    `jaxenstein.drawing.Drawn` if params have ranges. Params are its params, a dataclass with
+    `jaxenstein.ranged.Drawn` if params have ranges. Params are its params, a dataclass with
     `max_steps_in_episode`. Keys may be typed or raw. Adapters of equal environments are equal, and
     share compiled programs.
 
@@ -106,7 +106,7 @@ class GymnaxEnvironment(base.Environment):
     @_jit
     def reset(self, key: jax.Array, params: Any = None) -> tuple[Any, Any]:
         """Start an episode; returns its first observation and state."""
-        return drawing.reset(self.env, key, params)
+        return ranged.reset(self.env, key, params)
 
     @_jit
     def step(self, key: jax.Array, state: Any, action: Any, params: Any = None) -> tuple[Any, ...]:
@@ -118,7 +118,7 @@ class GymnaxEnvironment(base.Environment):
             truncated. `info` is that of the environment, plus bool[] `terminated` and
             `truncated`, and float32[] `discount`, 0 where terminated, else 1.
         """
-        told = drawing.step(self.env, key, state, action, params)
+        told = ranged.step(self.env, key, state, action, params)
         *front, terminated, truncated, info = told
         info = _with_ends(info, terminated, truncated)
         if STEP_VALUES == 6:
@@ -128,7 +128,7 @@ class GymnaxEnvironment(base.Environment):
     @_jit
     def reset_env(self, key: jax.Array, params: Any = None) -> tuple[Any, Any]:
         """As `reset`."""
-        return drawing.reset(self.env, key, params)
+        return ranged.reset(self.env, key, params)
 
     @_jit
     def step_env(
@@ -139,7 +139,7 @@ class GymnaxEnvironment(base.Environment):
         The end is bool[] terminated with gymnax 1.x, bool[] done with 0.0.x; `info` is as in
         `step`.
         """
-        state, reward, terminated, info = drawing.advance(self.env, key, state, action, params)
+        state, reward, terminated, info = ranged.advance(self.env, key, state, action, params)
         info = _with_ends(info, terminated, self.is_truncated(state, params))
         end = terminated if STEP_VALUES == 6 else state.done
         return self.get_obs(state, params), state, reward, end, info
@@ -152,12 +152,12 @@ class GymnaxEnvironment(base.Environment):
     def get_obs(self, state: Any, params: Any = None, key: jax.Array | None = None) -> Any:
         """The observation of a state; the key is ignored."""
         del key
-        state, params = drawing.undrawn(state, self._params(params))
+        state, params = ranged.undrawn(state, self._params(params))
         return self.env.observe(state, params)
 
     def is_truncated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the state has reached the time limit."""
-        return self.env.time_is_up(*drawing.undrawn(state, self._params(params)))
+        return self.env.time_is_up(*ranged.undrawn(state, self._params(params)))
 
     def is_terminated(self, state: Any, params: Any = None) -> jax.Array:
         """bool[]: whether the task ended in this state, before the time limit.
@@ -183,7 +183,7 @@ class GymnaxEnvironment(base.Environment):
         return _space(self.env.observation_space(split_ranges(self._params(params))[0]))
 
     def _params(self, params: Any) -> Any:
-        return drawing.check_params(self.env, params)
+        return ranged.check_params(self.env, params)
 
 
 def make(id: str, **settings: Any) -> tuple[GymnaxEnvironment, Any]:
@@ -216,7 +216,7 @@ def from_env(env: AnyEnvironment, params: Any = None) -> tuple[GymnaxEnvironment
             environment.
     """
     adapter = GymnaxEnvironment(env)
-    return adapter, drawing.check_params(env, params)
+    return adapter, ranged.check_params(env, params)
 
 
 def _with_ends(info: Info, terminated: jax.Array, truncated: jax.Array) -> Info:

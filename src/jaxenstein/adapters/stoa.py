@@ -22,7 +22,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import drawing, registry
+from .. import ranged, registry
 from .. import spaces as own
 from ..environment import AnyEnvironment
 from ..params import split_ranges
@@ -60,7 +60,7 @@ class StoaEnvironment(stoa.Environment):
         Args:
             env: the environment, with `autoreset` None or "same-step".
             params: its params; None for the default params. From a range each episode draws a
-                number, and states are then `jaxenstein.drawing.Drawn`.
+                number, and states are then `jaxenstein.ranged.Drawn`.
 
         Raises:
             SettingError: `env` is not an environment, its `autoreset` is "next-step", or the
@@ -69,7 +69,7 @@ class StoaEnvironment(stoa.Environment):
         check_fit(env, (None, "same-step"), "Stoa")
         super().__init__()
         self.env = env
-        self.params = drawing.single_params(env, params)
+        self.params = ranged.single_params(env, params)
 
     def __repr__(self) -> str:
         """The id and `autoreset`."""
@@ -90,8 +90,8 @@ class StoaEnvironment(stoa.Environment):
         """Start an episode: a state, and a time step of type FIRST with reward 0, discount 1."""
         params = self._params(env_params)
         reset_key, key = jax.random.split(rng_key)
-        observation, state = drawing.reset(self.env, reset_key, params)
-        extras = first_info(self.env, reset_key, *drawing.undrawn(state, params))
+        observation, state = ranged.reset(self.env, reset_key, params)
+        extras = first_info(self.env, reset_key, *ranged.undrawn(state, params))
         if self.env.final_observation:
             extras[_LAST] = observation
         first = stoa.TimeStep(
@@ -114,7 +114,7 @@ class StoaEnvironment(stoa.Environment):
             otherwise MID. Step type int8[], discount float32[].
         """
         key, step_key = jax.random.split(state.rng_key)
-        observation, after, reward, terminated, truncated, info = drawing.step(
+        observation, after, reward, terminated, truncated, info = ranged.step(
             self.env, step_key, state.base_env_state, action, self._params(env_params)
         )
         extras = dict(info)
@@ -149,7 +149,7 @@ class StoaEnvironment(stoa.Environment):
         raise NotImplementedError("states of jaxenstein have no space; observations have one")
 
     def _params(self, params: Any) -> Any:
-        return self.params if params is None else drawing.check_params(self.env, params)
+        return self.params if params is None else ranged.check_params(self.env, params)
 
 
 def make(id: str, **settings: Any) -> StoaEnvironment:

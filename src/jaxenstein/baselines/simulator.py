@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import drawing
-from ..drawing import Drawn
+from .. import ranged
 from ..environment import Environment, outcome_of
 from ..errors import SettingError
 from ..params import ranges_of, split_ranges
 from ..pytree import PyTreeNode
+from ..ranged import Drawn
 
 
 class Outcome(PyTreeNode):
@@ -82,7 +82,7 @@ class OwnSimulator:
 
     def reset(self, keys: jax.Array) -> tuple[Any, Any]:
         """The first observations and states, for keys[N]."""
-        return jax.vmap(lambda key: drawing.reset(self._env, key, self._params))(keys)
+        return jax.vmap(lambda key: ranged.reset(self._env, key, self._params))(keys)
 
     def step(self, keys: jax.Array, state: Any, action: jax.Array) -> Outcome:
         """Like `Environment.step` with `"same-step"` and the same keys; `final` holds states."""
@@ -105,7 +105,7 @@ class OwnSimulator:
         return jax.vmap(lambda state: self._env.observe(state, params))(final)
 
 
-class DrawingSimulator(OwnSimulator):
+class RangedSimulator(OwnSimulator):
     """Each episode draws some params from ranges; states are `Drawn`.
 
     The key of a reset draws the numbers of the episode that it begins.
@@ -114,17 +114,17 @@ class DrawingSimulator(OwnSimulator):
     def __init__(self, env: Environment[Any, Any], params: Any) -> None:
         """As `OwnSimulator`, for params with ranges."""
         super().__init__(env, split_ranges(params)[0])
-        self._params = drawing.single_params(env, params)
+        self._params = ranged.single_params(env, params)
 
     def _step(self, key: jax.Array, state: Drawn, action: jax.Array) -> Outcome:
         step_key, reset_key = jax.random.split(key)
-        out = drawing.outcome(self._resetting, step_key, reset_key, state, action, self._params)
-        obs = drawing.observe(self._env, out.state, self._params)
+        out = ranged.outcome(self._resetting, step_key, reset_key, state, action, self._params)
+        obs = ranged.observe(self._env, out.state, self._params)
         return _outcome(out, obs, out.state, out.final)
 
     def final_observation(self, final: Any) -> Any:
         """As `OwnSimulator.final_observation`."""
-        return jax.vmap(lambda drawn: drawing.observe(self._env, drawn, self._params))(final)
+        return jax.vmap(lambda drawn: ranged.observe(self._env, drawn, self._params))(final)
 
 
 def _outcome(out: Any, obs: Any, state: Any, final: Any) -> Outcome:
@@ -225,7 +225,7 @@ def make_simulator(env: Any, params: Any) -> Simulator:
         SettingError: actions are not discrete, or a method is missing.
     """
     if isinstance(env, Environment):
-        return (DrawingSimulator if ranges_of(params) else OwnSimulator)(env, params)
+        return (RangedSimulator if ranges_of(params) else OwnSimulator)(env, params)
     for name in ("reset", "step", "action_space", "observation_space"):
         if not callable(getattr(env, name, None)):
             raise SettingError(

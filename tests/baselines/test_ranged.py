@@ -20,7 +20,7 @@ from jaxenstein.baselines.runs.policies import TrainedPolicy
 from jaxenstein.baselines.runs.programs import write_program
 from jaxenstein.baselines.runs.trained import Trained, load_trained, write_trained
 from jaxenstein.baselines.runs.training import train
-from jaxenstein.baselines.simulator import DrawingSimulator, OwnSimulator, make_simulator
+from jaxenstein.baselines.simulator import OwnSimulator, RangedSimulator, make_simulator
 from tests.baselines.tiny import OPTIONS, same_checkpoints, tiny
 
 pytestmark = pytest.mark.usefixtures("plain_frames")
@@ -33,7 +33,7 @@ def test_each_episode_uses_the_params_it_drew() -> None:
     env, usual = jaxenstein.from_ascii("#####\n#S.G#\n#####", height=8, width=8, autoreset=None)
     params = usual.replace(max_steps_in_episode=5, **RANGES)
     simulator = make_simulator(env, params)
-    assert isinstance(simulator, DrawingSimulator)
+    assert isinstance(simulator, RangedSimulator)
     assert isinstance(make_simulator(env, usual), OwnSimulator)
     count = 8
     reset, step = jax.jit(simulator.reset), jax.jit(simulator.step)
