@@ -21,6 +21,7 @@ from .players import play, player_of
 from .pytree import PyTreeNode
 from .ranged import Drawn
 from .results import Results, check_text
+from .seeds import key_of
 from .spec import Spec, described
 
 # The errors that JAX raises if a function needs the value of a traced array.
@@ -190,7 +191,7 @@ def evaluate(
     given = ranged.single_params(env, params)
     numbers = split_ranges(given)[0]
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
-    key = jax.random.key(seed, impl="threefry2x32")
+    key = key_of(seed)
     name = name_of(policy) if name is None else name
     check_text("name", name)
     carry = check_policy(env, numbers, policy, carry)
@@ -228,7 +229,7 @@ def evaluate_player(
     given = ranged.single_params(env, params)
     episodes, seed = check_whole("episodes", episodes, 1), check_seed(seed)
     player = player_of(env, name)
-    reset_key, key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
+    reset_key, key = jax.random.split(key_of(seed))
     first = _first(env, given, reset_key, episodes)
     played = play(env, player, split_ranges(given)[0], key, first.state, first.numbers)
     told = played.returned, played.length, played.successes > 0
@@ -360,7 +361,7 @@ def check_policy(env: AnyEnvironment, params: Any, policy: Callable[..., Any], c
     """
     if not callable(policy):
         raise SettingError(f"policy must be a function, not {quoted(policy)}")
-    key = jax.random.key(0, impl="threefry2x32")
+    key = key_of(0)
     obs, _ = jax.eval_shape(env.reset, key, params)
     remembers = carry is not None
     if remembers:

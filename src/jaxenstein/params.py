@@ -24,6 +24,7 @@ from .fields import (
 )
 from .fields import number as number
 from .pytree import PyTreeNode
+from .seeds import key_of
 
 Scalar = bool | int | float | jax.Array
 """A number, which may be traced; for a batch, an array of numbers."""
@@ -141,7 +142,7 @@ def drawn(params: T, seed: int | jax.Array, count: int | None = None) -> T:
     """
     key: Any = seed
     if is_whole(seed):
-        key = jax.random.key(check_seed(seed), impl="threefry2x32")
+        key = key_of(check_seed(seed))
     plain, ranges = split_ranges(params)
     shape = () if count is None else (count,)
     return with_numbers(plain, draw_numbers(ranges, key, shape)[0]) if ranges else params

@@ -16,6 +16,7 @@ from .._jax.batching import select
 from .._jax.packing import Packing
 from .._jax.staging import staged
 from ..environment import AnyEnvironment
+from ..seeds import key_of
 
 
 def keys_of(seeds: Sequence[int]) -> jax.Array:
@@ -28,9 +29,7 @@ def keys_of(seeds: Sequence[int]) -> jax.Array:
 # operations takes longer to compile.
 @jax.jit
 def _keys_of(low: jax.Array, high: jax.Array) -> jax.Array:
-    return jax.vmap(lambda a, b: jax.random.fold_in(jax.random.key(a, impl="threefry2x32"), b))(
-        low, high
-    )
+    return jax.vmap(lambda a, b: jax.random.fold_in(key_of(a), b))(low, high)
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -106,7 +105,7 @@ def layouts(env: AnyEnvironment, numbers: Packing) -> tuple[Packing, Packing]:
         return numbers.unpack(jnp.zeros(numbers.words, jnp.uint32))
 
     def kept() -> Any:
-        key = jax.random.key(0, impl="threefry2x32")
+        key = key_of(0)
         return key, ranged.first_state(env, key, params())
 
     def outcome(key: jax.Array, drawn: Any) -> Any:

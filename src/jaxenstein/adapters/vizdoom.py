@@ -22,6 +22,7 @@ from ..episodes.session import NO_OP, Session, whole_action
 from ..errors import SettingError, quoted
 from ..fields import check_seed
 from ..params import drawn
+from ..seeds import key_of
 from ..tasks.doom.game_look import screen_of
 from ..tasks.doom.scenario import DoomScenario
 from ..tasks.doom.view import label_of
@@ -132,7 +133,7 @@ class GameSession(Session):
             for held in (*env.action_buttons.tolist(), 0)
         ]
         # Sampled once: parts of the state that the game does not report stay as after our reset.
-        key = jax.random.key(0, impl="threefry2x32")
+        key = key_of(0)
         self._first = jax.device_get(env.reset(key, params)[1])
         self._labels = env.game_labels
         textures = sorted({*map(label_of, env.tiles.textures)})
@@ -198,7 +199,7 @@ class GameSession(Session):
     def policy_key(self) -> jax.Array:
         """A random key for choosing the next action."""
         if self._key is None:  # not before: a game inside a compiled program must not call JAX
-            self._key = jax.random.key(self.seed, impl="threefry2x32")
+            self._key = key_of(self.seed)
         return jax.random.fold_in(self._key, len(self.actions))
 
     @property

@@ -14,12 +14,10 @@ from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
 from ..errors import SettingError
 from ..pytree import PyTreeNode
+from ..seeds import IMPLEMENTATION
 from .bonus import PER_ENVIRONMENT, RunningScale
 from .config import Config
 from .rollout import Actors
-
-# Named explicitly, so that no setting of JAX changes the meaning of a seed.
-IMPLEMENTATION = "threefry2x32"
 
 
 class TrainState(PyTreeNode):

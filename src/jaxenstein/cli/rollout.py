@@ -17,6 +17,7 @@ import numpy as np
 from ..environment import AnyEnvironment
 from ..files import check_writable, make_folder
 from ..progress import Progress, si
+from ..seeds import key_of
 from ..view.frames import image_of, picture
 from ..view.recording import evenly, mosaic, save_gif, save_png, scale_to
 from .arguments import Parser, add_environment, add_seed, flag, whole
@@ -159,7 +160,7 @@ def compile_rollout(
         return carry, image[:, ::thin, ::thin]
 
     stepping = jax.vmap(env.step, in_axes=(0, 0, 0, None))
-    key, reset_key = jax.random.split(jax.random.key(seed, impl="threefry2x32"))
+    key, reset_key = jax.random.split(key_of(seed))
     keys = jax.random.split(reset_key, envs)
     obs, state = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(keys, params)
     carry = {"key": key, "obs": obs, "state": state, "returns": jnp.zeros(envs, jnp.float32)}

@@ -13,6 +13,7 @@ from ..environment import AnyEnvironment
 from ..errors import SettingError, quoted
 from ..fields import check_seed
 from ..players.chance import NO_OP
+from ..seeds import key_of
 
 
 class Session:
@@ -71,8 +72,7 @@ class Session:
             SettingError: the seed is not a whole number from 0 to 2**32 - 1.
         """
         self.seed = check_seed(seed)
-        # Explicit, so that no JAX setting changes the meaning of a seed.
-        key = jax.random.key(self.seed, impl="threefry2x32")
+        key = key_of(self.seed)
         self._key, reset_key = jax.random.split(key)
         self.observation, self.state = self.env.reset(reset_key, self.params)
         self.actions: list[int] = []

@@ -27,6 +27,7 @@ from ..errors import SettingError, quoted
 from ..fields import choice, number, of_form
 from ..images import Images, read_images
 from ..maps.tilemap import TileMap
+from ..seeds import key_of
 from ..spaces import Box, Dict, Space
 from .draws import sample_seed
 from .dressing import dressed
@@ -269,7 +270,7 @@ class GeneratedTask(FirstPerson[S, P]):
             return key
         seed = sample_seed(key, self.level_range)
         # Levels must not depend on the default generator, which users may change.
-        return jax.random.key(seed, impl="threefry2x32")
+        return key_of(seed)
 
     def level_parts(self, state: S) -> tuple[jax.Array, ...]:
         """The content of the level of a first state, as arrays of whole numbers or bools.

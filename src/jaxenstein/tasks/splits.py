@@ -16,6 +16,7 @@ import numpy as np
 from jax import lax
 
 from .._jax.batching import varying, zeros
+from ..seeds import key_of
 from .draws import mixed
 
 Split = Literal["train", "test"]
@@ -112,5 +113,5 @@ def sample_levels(env: Any, count: int, seed: int | jax.Array) -> jax.Array:
         return fingerprint(env.level_parts(env.init_state(key, params)))
 
     # In batches, to bound the memory for large worlds.
-    keys = jax.random.split(jax.random.key(seed, impl="threefry2x32"), count)
+    keys = jax.random.split(key_of(seed), count)
     return lax.map(one, keys, batch_size=256)

@@ -17,6 +17,7 @@ from ...fields import Domain, check_seed, check_value, check_whole, is_whole
 from ...files import check_apart, check_writable
 from ...params import split_ranges
 from ...results import GAME, Results
+from ...seeds import key_of
 from ..divergence import METRIC
 from .folder import RunFolder, run_names
 from .metrics import METRICS, read_metrics, rows_by_run
@@ -200,7 +201,7 @@ def evaluate(
     longest = np.asarray(learner.env.most_steps(split_ranges(learner.env_params)[0]))
     played = learner.many.evaluate(
         trained.params,
-        jax.random.key(seed, impl="threefry2x32"),
+        key_of(seed),
         episodes,
         greedy,
         lambda running, length: notify(episodes_done(running, length, longest)),

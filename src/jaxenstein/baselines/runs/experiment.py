@@ -14,10 +14,10 @@ import jax.numpy as jnp
 
 from ...errors import SettingError, quoted, shortened
 from ...fields import as_tuples, check, check_whole, choice, is_whole
+from ...seeds import key_of
 from ...spec import Spec
 from ..config import Config, HParams
 from ..learner import Learner
-from ..state import IMPLEMENTATION
 
 FORMAT = 1
 # The maximum number of seeds. All are trained in parallel; more would fill the memory.
@@ -76,7 +76,7 @@ class Experiment:
 
     def keys(self) -> jax.Array:
         """A typed random key for each run, from its seed."""
-        keys = {seed: jax.random.key(seed, impl=IMPLEMENTATION) for seed in self.seeds}
+        keys = {seed: key_of(seed) for seed in self.seeds}
         return jnp.stack([keys[int(run["seed"])] for run in self.runs])
 
     def numbers(self) -> HParams:

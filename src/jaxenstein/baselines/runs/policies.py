@@ -12,6 +12,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ...errors import SettingError, quoted
+from ...seeds import key_of
 from ..learner import PolicyCarry
 from ..observations import observation_spec
 from .description import described
@@ -105,7 +106,7 @@ class TrainedPolicy:
             size: number of environments.
             seed: seed for sampled actions.
         """
-        key = None if self.greedy else jax.random.key(seed, impl="threefry2x32")
+        key = None if self.greedy else key_of(seed)
         carry = jax.tree.map(lambda leaf: jnp.stack([leaf] * size), self._learner.initial_carry())
         return BatchPolicy(functools.partial(self._learner.act, self._weights), carry, key)
 
