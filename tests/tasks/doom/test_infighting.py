@@ -105,6 +105,7 @@ def test_new_monster_does_not_inherit_the_enemies_of_the_dead_one() -> None:
     chances, health = [0.0, 65537.0, 0.0], jnp.asarray(THREE.health)
     after, comes = invaded(THREE, dead, place(900, 0), chances, (400, 640), health, bits)
     assert comes.tolist() == [False, True, False]
+    assert after.infighting is not None
     assert after.infighting.target.tolist() == [PLAYER] * 3
 
 
