@@ -20,7 +20,7 @@ import numpy as np
 import jaxenstein
 from fidelity.commands import run_command
 from jaxenstein.adapters.vizdoom import GameSession
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.files import check_writable
 from jaxenstein.view.recording import mosaic, save_png
 
@@ -77,9 +77,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--frames", type=whole(), default=100, help="frames of each (default %(default)s)"
     )
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
-    )
+    add_seed(parser)
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="write some pairs, ours on top"
     )

@@ -25,7 +25,7 @@ from fidelity.commands import run_command
 from fidelity.doom_picture import SIZES, STEPPED, renderers, shares
 from fidelity.doom_views import PLAYER, View, fitted, views
 from jaxenstein.adapters.vizdoom_buffers import picked_image
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.engine.render import render
 from jaxenstein.engine.scene import Held, Sprites
 from jaxenstein.files import check_writable
@@ -144,9 +144,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--frames", type=whole(), default=200, help="frames per scenario (default %(default)s)"
     )
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
-    )
+    add_seed(parser)
     parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="write the worst frames, ours on top"

@@ -25,7 +25,7 @@ import numpy as np
 from fidelity.commands import run_command
 from fidelity.doom_views import View, drawn, fitted, views
 from jaxenstein.adapters.vizdoom_buffers import SCREENS, load_vizdoom
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.tasks.doom.fixed import ONE
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
@@ -131,9 +131,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--frames", type=whole(), default=200, help="frames per scenario (default %(default)s)"
     )
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
-    )
+    add_seed(parser)
     parser.add_argument("--only", choices=SCENARIOS, help="compare only this scenario")
     parser.add_argument("--particles", action="store_true", help="leave particles and decals on")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record views for a test")

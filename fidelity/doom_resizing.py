@@ -23,7 +23,7 @@ from fidelity.commands import run_command
 from fidelity.doom_looks import SCENARIOS, ours
 from fidelity.doom_picture import SIZES, renderers
 from fidelity.doom_views import fitted, views
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 
 SMALL = (64, 48), (64, 64), (84, 84)
@@ -62,9 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Play, draw, print a table."""
     parser = argparse.ArgumentParser(description="Compare with ways of resizing the game's frames.")
     parser.add_argument("--frames", type=whole(), default=60, help="of each (default %(default)s)")
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="of the episodes (default %(default)s)"
-    )
+    add_seed(parser)
     parser.add_argument("--only", choices=SCENARIOS, help="one scenario")
     options = parser.parse_args(argv)
     pictures = Wad(find_iwad())

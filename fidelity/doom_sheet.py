@@ -22,7 +22,7 @@ from fidelity.commands import run_command
 from fidelity.doom_looks import LEVEL, ours
 from fidelity.doom_picture import SIZES, renderers
 from fidelity.doom_views import fitted, views
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.tasks.doom.wad import Wad, find_iwad
 from jaxenstein.view.recording import mosaic
@@ -80,9 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Draw a sheet of our frames and of the game's.")
     parser.add_argument("file", type=Path, help="a .webp file")
     parser.add_argument("--frames", type=whole(), default=20, help="(default %(default)s)")
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="random seed (default %(default)s)"
-    )
+    add_seed(parser)
     options = parser.parse_args(argv)
     check_writable(options.file)
     image, here = sheet(options.frames, options.seed)

@@ -34,7 +34,7 @@ from fidelity.doom_recording import LONGEST_HOLD, pick
 from jaxenstein.adapters.registration import NAMESPACE, VIZDOOM_SCENARIOS, VIZDOOM_VERSION
 from jaxenstein.adapters.vizdoom_buffers import VARIABLES, load_vizdoom
 from jaxenstein.adapters.vizdoom_state import told_by, with_pose
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.files import atomic, check_writable
 from jaxenstein.players import player_of
 
@@ -255,9 +255,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--episodes", type=whole(), default=20, help="of each (default %(default)s)"
     )
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="of the episodes (default %(default)s)"
-    )
+    add_seed(parser)
     parser.add_argument("--only", choices=VIZDOOM_SCENARIOS, help="one scenario")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the wrapper")
     options = parser.parse_args(argv)

@@ -23,7 +23,7 @@ import numpy as np
 from fidelity.commands import run_command
 from fidelity.players import mean_and_error
 from jaxenstein.adapters.vizdoom_buffers import load_vizdoom, running
-from jaxenstein.cli.arguments import whole
+from jaxenstein.cli.arguments import add_seed, whole
 from jaxenstein.tasks.doom.maps import MAP_SPOT, load_map
 
 VARIABLES = ("HEALTH", "POSITION_X", "POSITION_Y", "ANGLE")
@@ -186,9 +186,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(description="Measure rules of ViZDoom's tasks.")
     parser.add_argument("--only", choices=("health", "home"), help="measure only this task")
-    parser.add_argument(
-        "--seed", type=whole(0), default=0, help="seed of games and players (default 0)"
-    )
+    add_seed(parser)
     parser.add_argument(
         "--episodes", type=whole(), default=300, help="episodes of each player (default 300)"
     )

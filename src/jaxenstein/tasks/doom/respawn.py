@@ -94,7 +94,8 @@ def arrived(
     def chosen(fresh: jax.Array, kept: jax.Array) -> jax.Array:
         return jnp.where(comes.reshape((-1,) + (1,) * (kept.ndim - 1)), fresh, kept)
 
-    return jax.tree.map(chosen, new, old)
+    # No monster goes on fighting the new one that takes the index of its dead enemy.
+    return jax.tree.map(chosen, new, settled(old))
 
 
 def replaced(
@@ -173,8 +174,7 @@ def invaded(
     comes = jnp.any(here, axis=0)
     facing = (bits[:, 1] >> 24) << 24
     fresh = place[horde.kind_of], facing[horde.kind_of], health
-    # No monster goes on fighting the new one that takes the index of its dead enemy.
-    return arrived(horde, settled(old), comes, fresh), comes
+    return arrived(horde, old, comes, fresh), comes
 
 
 def _roomy(

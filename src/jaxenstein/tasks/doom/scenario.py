@@ -345,7 +345,8 @@ class DoomScenario(FixedMap[S, P]):
         """The most tiles that the player moves in a tic."""
         del params
         fights = any(isinstance(part, Horde) for part in self.parts)
-        return (math.hypot(MOST_SPEED + 2, MOST_SPEED + 2) if fights else RUN_SPEED) / self.unit
+        # A blow's push, and less than 2 units of thrust, along both axes.
+        return (math.sqrt(2) * (MOST_SPEED + 2) if fights else RUN_SPEED) / self.unit
 
     def to_tiles(self, place: jax.Array) -> jax.Array:
         """float32[..., 2]: (x, y) in tiles of int32[..., 2] map units in 16.16."""
